@@ -1,0 +1,78 @@
+"""How a service process lives: settings, log, signals, bus, loop, and a clean end."""
+
+import logging
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+import tyro
+from pydantic import ValidationError
+
+from services.runtime.bus import Bus
+from services.runtime.errors import BusUnavailable, MissingExtra
+from services.runtime.log import start_logging
+from services.runtime.loop import Loop
+from services.runtime.settings import ServiceSettings
+
+logger = logging.getLogger(__name__)
+
+S = TypeVar("S", bound=ServiceSettings)
+
+EXIT_SETTINGS = 2  # The supervisor does not restart what cannot be mended by a restart.
+
+
+def main(
+    settings_type: type[S],
+    service: str,
+    build: Callable[[S, Bus, Loop], object],
+    args: Sequence[str] | None = None,
+) -> None:
+    """Run one service until SIGINT or SIGTERM.
+
+    Args:
+        settings_type: Its settings; read from the environment, then from the flags.
+        service: Its name on the bus.
+        build: Makes the service: subscribes on the loop, returns the object to keep.
+        args: Command line; that of the process when None.
+    """
+    settings = parse(settings_type, service, args)
+    instance = settings.instance()
+    start_logging(service if instance is None else f"{service}/{instance}", settings.log_level)
+    try:
+        with Bus(settings.bus, service, instance) as bus:
+            run(settings, bus, build)
+    except (MissingExtra, BusUnavailable) as error:
+        logger.error("%s", error)
+        sys.exit(EXIT_SETTINGS)
+
+
+def parse(settings_type: type[S], service: str, args: Sequence[str] | None) -> S:
+    """Read settings: default < environment < flag; a wrong one ends with its rule."""
+    try:
+        return tyro.cli(
+            settings_type,
+            prog=f"encircle {service}",
+            description=settings_type.__doc__,
+            default=settings_type(),
+            args=args,
+        )
+    except ValidationError as error:
+        for fault in error.errors(include_url=False):
+            where = ".".join(str(part) for part in fault["loc"]) or "settings"
+            sys.stderr.write(f"{service}: {where}: {fault['msg']} (got {fault['input']!r:.80})\n")
+        sys.exit(EXIT_SETTINGS)
+
+
+def run(settings: S, bus: Bus, build: Callable[[S, Bus, Loop], object]) -> None:
+    """Build a service on a bus and run its loop until a signal stops it."""
+    loop = Loop(bus)
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: loop.stop())
+    service = build(settings, bus, loop)
+    logger.info("up: %s", settings.model_dump_json(exclude={"bus"}))
+    loop.run()
+    del service
+    logger.info("down")
