@@ -84,8 +84,7 @@ def unpack(payload: bytes) -> Mapping[str, Any]:
     if len(payload) > MAX_PAYLOAD_BYTES:
         raise MessageError(f"payload of {len(payload)} bytes exceeds {MAX_PAYLOAD_BYTES}")
     view = memoryview(payload)
-    unpacker = msgpack.Unpacker(max_buffer_size=MAX_HEADER_BYTES, **_LIMITS)
-    unpacker.feed(view[:MAX_HEADER_BYTES])
+    unpacker, base = _unpacker(view), 0
     fields: dict[str, Any] = {}
     try:
         for _ in range(unpacker.read_map_header()):
@@ -94,12 +93,13 @@ def unpack(payload: bytes) -> Mapping[str, Any]:
                 raise MessageError(f"key {key!r:.40} is not a string")
             if key in fields:
                 raise MessageError(f"key {key!r:.40} stands twice")
-            at = unpacker.tell()
+            at = base + unpacker.tell()
             if key == "data" and at < len(view) and view[at] in _LENGTH_BYTES:
-                fields[key] = _tail(view, at)
-                return fields
-            fields[key] = unpacker.unpack()
-        end = unpacker.tell()
+                fields[key], base = _bin(view, at)
+                unpacker = _unpacker(view[base:])  # Ours ends here; other writers may go on.
+            else:
+                fields[key] = unpacker.unpack()
+        end = base + unpacker.tell()
     except msgpack.OutOfData:
         return _unpack_whole(payload)
     except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
@@ -109,14 +109,19 @@ def unpack(payload: bytes) -> Mapping[str, Any]:
     return fields
 
 
-def _tail(view: memoryview, at: int) -> memoryview:
-    """The bytes of a msgpack bin that starts at `at` and must end with the payload."""
-    width = _LENGTH_BYTES[view[at]]
-    start = at + 1 + width
+def _unpacker(view: memoryview) -> msgpack.Unpacker:
+    unpacker = msgpack.Unpacker(max_buffer_size=MAX_HEADER_BYTES, **_LIMITS)
+    unpacker.feed(view[:MAX_HEADER_BYTES])
+    return unpacker
+
+
+def _bin(view: memoryview, at: int) -> tuple[memoryview, int]:
+    """The bytes of the msgpack bin that starts at `at`, and where it ends."""
+    start = at + 1 + _LENGTH_BYTES[view[at]]
     length = int.from_bytes(view[at + 1 : start], "big")
-    if start + length != len(view):
+    if start + length > len(view):
         raise MessageError(f"data claims {length} bytes, {len(view) - start} follow its header")
-    return view[start:]
+    return view[start : start + length], start + length
 
 
 def _unpack_whole(payload: bytes) -> Mapping[str, Any]:

@@ -15,7 +15,7 @@ from pydantic import (
 )
 from pydantic_core import core_schema
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION: Literal[1] = 1
 
 UInt64 = Annotated[int, Field(ge=0, lt=2**64)]
 Nanoseconds = Annotated[int, Field(ge=0, lt=2**63)]
@@ -120,9 +120,9 @@ class ArrayMessage(Message):
             pydantic.ValidationError: If the array does not fit the class's `LAYOUT`.
         """
         array = np.ascontiguousarray(array)
-        data = _whole_bytearray(array)
+        data: bytes | bytearray | memoryview | None = _whole_bytearray(array)
         if data is None:
-            data = memoryview(array.reshape(-1)).cast("B") if array.size else b""
+            data = array.reshape(-1).view(np.uint8).data if array.size else b""
         return cls(shape=array.shape, dtype=array.dtype.str, data=data, **fields)
 
     @property
@@ -134,7 +134,7 @@ class ArrayMessage(Message):
 
 
 def _whole_bytearray(array: NDArray[Any]) -> bytearray | None:
-    """The bytearray behind an array that covers all of it; zenoh's shared memory takes only those."""
+    """Return the bytearray that the array covers wholly; only those fit zenoh's shared memory."""
     base: object = array
     while isinstance(base, np.ndarray):
         base = base.base
