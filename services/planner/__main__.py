@@ -1,0 +1,8 @@
+"""`python -m services.planner`."""
+
+from services.planner.service import PlannerService
+from services.planner.settings import PlannerSettings
+from services.runtime.service import main
+
+if __name__ == "__main__":
+    main(PlannerSettings, "planner", PlannerService)
