@@ -83,4 +83,6 @@ def _standing(vertices: NDArray[np.float64], height_m: float, name: str) -> NDAr
     if not high[2] - low[2] > 1e-6 * float(np.max(high - low)):
         raise MeshError(f"{name}: has no height along its up axis; name another, as in part.stl:y")
     feet = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
-    return ((vertices - feet) * (height_m / (high[2] - low[2]))).astype(np.float32)
+    standing: NDArray[np.float32]
+    standing = ((vertices - feet) * (height_m / (high[2] - low[2]))).astype(np.float32)
+    return standing

@@ -1,6 +1,7 @@
 """Mesh files: .obj, .ply, .stl and .off, read through trimesh and checked."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,9 +58,9 @@ def _parse(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     import trimesh  # 0.4 s, and only for files.
 
     try:
-        mesh = trimesh.load(str(path), force="mesh", process=False)
+        mesh: Any = trimesh.load(str(path), force="mesh", process=False)
         return np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
-    except Exception as error:  # noqa: BLE001  A foreign parser may raise anything on garbage.
+    except Exception as error:  # A foreign parser may raise anything on garbage.
         raise MeshError(
             f"{path}: not a readable {path.suffix} mesh ({type(error).__name__}: {error})"
         ) from error
