@@ -5,19 +5,21 @@ import os
 import secrets
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, Self, TypeVar
 
 import zenoh
 
-from schemas.codec import decode, encode
-from schemas.message import Envelope, Message, MessageError
+from schemas.codec import decode
+from schemas.message import Message, MessageError
 from schemas.topics import Delivery, Topic, camera_of, find
 from services.runtime import command
 from services.runtime.errors import NoReply
 from services.runtime.inbox import Inbox
-from services.runtime.meter import TopicMeter
+from services.runtime.meter import Meters
+from services.runtime.presence import Presence
 from services.runtime.reader import Reader, Received
+from services.runtime.sender import Sender, is_read
 from services.runtime.session import locators, open_peer
 from services.runtime.settings import BusSettings
 from services.runtime.shared_memory import SharedPool
@@ -26,8 +28,8 @@ logger = logging.getLogger(__name__)
 
 M = TypeVar("M", bound=Message)
 
+_ASK_AGAIN_S = 0.05
 _WILDCARD_RING = 256  # Four ticks of 64 cameras; the thread that empties it does nothing else.
-_ALIVE = "alive"
 
 
 class Bus:
@@ -45,11 +47,9 @@ class Bus:
         self.last_refusal = ""
         self._session = open_peer(settings)
         self._pid = os.getpid()
-        self._publishers: dict[str, zenoh.Publisher] = {}
-        self._meters: dict[tuple[str, bool], TopicMeter] = {}
-        self._lock = threading.Lock()
-        alive_key = f"{_ALIVE}/{service}/{instance or 0}"
-        self._token = self._session.liveliness().declare_token(alive_key)
+        self.meters = Meters()
+        self._sender = Sender(self._session, self.address, self.boot, self.meters, self.pool)
+        self.presence = Presence(self._session, self.address)
 
     def publish(
         self,
@@ -59,18 +59,7 @@ class Bus:
         service: str | None = None,
     ) -> None:
         """Number, stamp and send a message; a large one that nobody reads is not even packed."""
-        key = topic.key_for(camera, service)
-        publisher = self._publishers.get(key) or self._declare(topic, key)
-        if topic.shared_memory and not _is_read(publisher):
-            return
-        meter = self.meter(key, topic.rate_hz, sent=True)
-        envelope = Envelope(
-            seq=meter.count, src=self.address, boot=self.boot, t_pub_ns=time.time_ns()
-        )
-        encoded = encode(message, envelope)
-        payload = self.pool.wrap(encoded) if topic.shared_memory else None
-        meter.tick(time.monotonic(), shared_memory=payload is not None)
-        publisher.put(encoded.join() if payload is None else payload)
+        self._sender.publish(topic, topic.key_for(camera, service), message)
 
     def subscribe(self, topic: Topic[M], camera: int | None = None) -> Reader[M]:
         """Read a topic as its row says: the newest per key, or all in order."""
@@ -120,7 +109,7 @@ class Bus:
 
     def receive(self, topic: Topic[M], key: str, payload: zenoh.ZBytes) -> Received[M] | None:
         """Decode and count what arrived on `key`; None when it is no valid message of `topic`."""
-        meter = self.meter(key, topic.rate_hz, sent=False)
+        meter = self.meters.of(topic, key, sent=False)
         by_shm = topic.shared_memory and payload.as_shm() is not None
         try:
             envelope, message = decode(topic.adapter, payload.to_bytes())
@@ -137,8 +126,7 @@ class Bus:
 
     def refuse(self, key: str, reason: str) -> None:
         """Count a message that was not accepted, and log the first of each key and reason."""
-        topic = find(key)
-        meter = self.meter(key, topic.rate_hz if topic else 0.0, sent=False)
+        meter = self.meters.of(find(key), key, sent=False)
         meter.bad += 1
         text = f"{key}: {reason}"[:300]
         if meter.bad == 1 or text != self.last_refusal:
@@ -174,9 +162,14 @@ class Bus:
         return message
 
     def _ask(self, key: str, timeout_s: float, payload: bytes | None) -> bytes:
-        for reply in self._session.get(key, payload=payload, timeout=timeout_s):
-            if reply.ok is not None:
-                return reply.ok.payload.to_bytes()
+        deadline_s = time.monotonic() + timeout_s
+        # A key that nobody is yet known to serve is answered by silence at once: a service that
+        # has just come up needs a moment to be found.
+        while (left_s := deadline_s - time.monotonic()) > 0:
+            for reply in self._session.get(key, payload=payload, timeout=left_s):
+                if reply.ok is not None:
+                    return reply.ok.payload.to_bytes()
+            time.sleep(min(_ASK_AGAIN_S, left_s))
         raise NoReply(f"{key}: no answer within {timeout_s:g} s; is the service running?")
 
     def serve(self, key: str, handle: Callable[[zenoh.Query], None]) -> Callable[[], None]:
@@ -186,56 +179,15 @@ class Bus:
 
     def answer(self, topic: Topic[M], query: zenoh.Query, message: M) -> None:
         """Answer a query for a `fetch`ed topic."""
-        key = topic.key_for()
-        meter = self.meter(key, topic.rate_hz, sent=True)
-        envelope = Envelope(
-            seq=meter.count, src=self.address, boot=self.boot, t_pub_ns=time.time_ns()
-        )
-        meter.tick(time.monotonic())
-        query.reply(key, encode(message, envelope).join())
-
-    def watch_alive(self, service: str, put: Callable[[str, bool], None]) -> Callable[[], None]:
-        """Call `put(instance, alive)` for every instance of a service that comes or goes."""
-        subscriber = self._session.liveliness().declare_subscriber(
-            f"{_ALIVE}/{service}/*", zenoh.handlers.RingChannel(_WILDCARD_RING), history=True
-        )
-
-        def drain() -> None:
-            for sample in subscriber:
-                put(str(sample.key_expr).rsplit("/", 1)[1], sample.kind is zenoh.SampleKind.PUT)
-
-        threading.Thread(target=drain, name=f"{_ALIVE}/{service}", daemon=True).start()
-        return subscriber.undeclare
-
-    def alive(self, timeout_s: float = 1.0) -> set[str]:
-        """Return who is on the bus, as `service/instance`."""
-        replies = self._session.liveliness().get(f"{_ALIVE}/*/*", timeout=timeout_s)
-        keys = (str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
-        return {key.removeprefix(f"{_ALIVE}/") for key in keys}
+        self._sender.answer(topic, query, message)
 
     def matching(self, topic: Topic[Any], camera: int | None = None) -> bool:
         """Whether anybody subscribes to what we publish there."""
-        key = topic.key_for(camera)
-        publisher = self._publishers.get(key) or self._declare(topic, key)
-        return _is_read(publisher)
+        return is_read(self._sender.publisher(topic, topic.key_for(camera)))
 
     def endpoints(self) -> list[str]:
         """Return the locators at which this session can be reached."""
         return locators(self._session)
-
-    def meter(self, key: str, declared_hz: float, *, sent: bool) -> TopicMeter:
-        """Return the figures of one stream, begun at its first use."""
-        with self._lock:
-            meter = self._meters.get((key, sent))
-            if meter is None:
-                meter = self._meters[key, sent] = TopicMeter(key, declared_hz, sent=sent)
-            return meter
-
-    def meters(self) -> Iterator[TopicMeter]:
-        """Iterate over all streams this session has sent or received."""
-        with self._lock:
-            meters = list(self._meters.values())
-        yield from meters
 
     def close(self) -> None:
         """Leave the bus; idempotent."""
@@ -248,25 +200,6 @@ class Bus:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def _declare(self, topic: Topic[Any], key: str) -> zenoh.Publisher:
-        large = topic.shared_memory
-        publisher = self._session.declare_publisher(
-            key,
-            encoding=f"application/msgpack;{key.rsplit('/', 1)[-1]}/1",
-            # A receiver that does not keep up must never stop its sender; what is lost shows
-            # in the numbering, and `map/full` heals the one stream that needs all.
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.DATA if large else zenoh.Priority.INTERACTIVE_HIGH,
-            express=not large,
-        )
-        self._publishers[key] = publisher
-        return publisher
-
-
-def _is_read(publisher: zenoh.Publisher) -> bool:
-    # zenoh's stub says `bool`; the object has the flag.
-    return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]
 
 
 def _in_order(topic: Topic[Any]) -> bool:

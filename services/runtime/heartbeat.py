@@ -25,7 +25,7 @@ class Heartbeat:
         """Derive the service's health from its streams and stages."""
         now_s = time.monotonic()
         service, _, instance = self._bus.address.partition("/")
-        topics = tuple(meter.status(now_s) for meter in self._bus.meters())
+        topics = tuple(meter.status(now_s) for meter in self._bus.meters)
         return ServiceStatus(
             t_ns=time.time_ns(),
             tick=0,

@@ -81,7 +81,7 @@ class Loop:
 
     def on_alive(self, service: str, handler: Callable[[str, bool], None]) -> None:
         """Call `handler(instance, alive)` for every instance of `service` that comes or goes."""
-        self.bus.watch_alive(
+        self.bus.presence.watch(
             service,
             lambda instance, alive: self._inbox.put_next(service, lambda: handler(instance, alive)),
         )

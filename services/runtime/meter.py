@@ -1,14 +1,17 @@
 """Counting what flows and what it costs; health is derived from the topic table."""
 
+import threading
 import time
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
 from schemas.message import Envelope
 from schemas.status import StageStatus, TopicStatus
+from schemas.topics import Topic
 
 ALIVE_PERIODS = 10  # openpilot's SubMaster: alive = newer than 10 periods.
 RATE_SHARE = 0.9  # openpilot's SubMaster: freq_ok = at least 90 % of the declared rate.
@@ -66,6 +69,28 @@ class TopicMeter:
             bad=self.bad,
             shared_memory=self.shared_memory,
         )
+
+
+class Meters:
+    """All streams of one session; safe from any thread."""
+
+    def __init__(self) -> None:
+        self._meters: dict[tuple[str, bool], TopicMeter] = {}
+        self._lock = threading.Lock()
+
+    def of(self, topic: Topic[Any] | None, key: str, *, sent: bool) -> TopicMeter:
+        """Return the figures of one stream, begun at its first use."""
+        with self._lock:
+            meter = self._meters.get((key, sent))
+            if meter is None:
+                declared_hz = 0.0 if topic is None else topic.rate_hz
+                meter = self._meters[key, sent] = TopicMeter(key, declared_hz, sent=sent)
+            return meter
+
+    def __iter__(self) -> Iterator[TopicMeter]:
+        with self._lock:
+            meters = list(self._meters.values())
+        return iter(meters)
 
 
 class StageMeter:

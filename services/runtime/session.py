@@ -1,7 +1,6 @@
 """Opening zenoh: a peer that finds the others through a router, or that router itself."""
 
 import json
-import os
 from typing import Any
 
 import zenoh
@@ -9,7 +8,13 @@ import zenoh
 from services.runtime.errors import BusUnavailable
 from services.runtime.settings import BusSettings
 
-LEASE_MS = 3000  # A silent peer is given up after this; zenoh's default is 10 s.
+_COMMON: dict[str, Any] = {
+    "scouting/multicast/enabled": False,  # Nothing is sought beyond the endpoints we are given.
+    "scouting/gossip/enabled": True,
+    "scouting/delay": 50,
+    "adminspace/enabled": True,
+    "transport/link/tx/lease": 3000,  # A silent peer is given up after 3 s; the default is 10.
+}
 
 
 def open_peer(settings: BusSettings) -> zenoh.Session:
@@ -18,20 +23,19 @@ def open_peer(settings: BusSettings) -> zenoh.Session:
     Raises:
         BusUnavailable: If an endpoint is malformed or taken.
     """
-    config = _common()
-    connect = [settings.connect] if settings.connect else []
-    listen = [settings.listen] if settings.listen else []
-    _insert(config, "mode", "peer")
-    _insert(config, "connect/endpoints", connect)
-    _insert(
-        config,
-        "connect/retry",
-        {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2},
-    )
-    _insert(config, "listen/endpoints", listen)
+    options: dict[str, Any] = {
+        "mode": "peer",
+        "connect/endpoints": [settings.connect] if settings.connect else [],
+        "connect/retry": {
+            "period_init_ms": 200,
+            "period_max_ms": 1000,
+            "period_increase_factor": 2,
+        },
+        "listen/endpoints": [settings.listen] if settings.listen else [],
+    }
     if settings.namespace:
-        _insert(config, "namespace", settings.namespace)
-    return _open(config, f"connect {connect}, listen {listen}")
+        options["namespace"] = settings.namespace
+    return _open(options, f"connect {settings.connect!r}, listen {settings.listen!r}")
 
 
 def open_router(listen: str) -> zenoh.Session:
@@ -40,11 +44,12 @@ def open_router(listen: str) -> zenoh.Session:
     Raises:
         BusUnavailable: If the endpoint is malformed or taken.
     """
-    config = _common()
-    _insert(config, "mode", "router")
-    _insert(config, "listen/endpoints", [listen])
-    _insert(config, "adminspace/permissions", {"read": True, "write": False})
-    return _open(config, f"listen {listen}")
+    options = {
+        "mode": "router",
+        "listen/endpoints": [listen],
+        "adminspace/permissions": {"read": True, "write": False},
+    }
+    return _open(options, f"listen {listen!r}")
 
 
 def locators(session: zenoh.Session) -> list[str]:
@@ -56,22 +61,11 @@ def locators(session: zenoh.Session) -> list[str]:
     return []
 
 
-def _common() -> zenoh.Config:
+def _open(options: dict[str, Any], what: str) -> zenoh.Session:
     config = zenoh.Config()
-    _insert(config, "scouting/multicast/enabled", False)  # Nothing is sought beyond `connect`.
-    _insert(config, "scouting/gossip/enabled", True)
-    _insert(config, "scouting/delay", 50)
-    _insert(config, "adminspace/enabled", True)
-    _insert(config, "transport/link/tx/lease", LEASE_MS)
-    return config
-
-
-def _insert(config: zenoh.Config, path: str, value: Any) -> None:
-    config.insert_json5(path, json.dumps(value))
-
-
-def _open(config: zenoh.Config, what: str) -> zenoh.Session:
     try:
+        for path, value in (_COMMON | options).items():
+            config.insert_json5(path, json.dumps(value))
         return zenoh.open(config)
     except zenoh.ZError as error:
-        raise BusUnavailable(f"{what}: {error} (process {os.getpid()})") from None
+        raise BusUnavailable(f"{what}: {str(error).split(' at /')[0]}") from None

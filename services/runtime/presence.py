@@ -1,0 +1,45 @@
+"""Who is on the bus: liveliness tokens on `alive/<service>/<instance>`."""
+
+import threading
+from collections.abc import Callable
+
+import zenoh
+
+_ROOT = "alive"
+_RING = 256  # Changes that may wait for the one thread that passes them on.
+
+
+class Presence:
+    """A session's own token, and the view of the others'.
+
+    A token vanishes with its process: at once when it is killed, after the lease when it freezes.
+    """
+
+    def __init__(self, session: zenoh.Session, address: str) -> None:
+        service, _, instance = address.partition("/")
+        self._liveliness = session.liveliness()
+        self._token = self._liveliness.declare_token(f"{_ROOT}/{service}/{instance or 0}")
+
+    def watch(self, service: str, put: Callable[[str, bool], None]) -> Callable[[], None]:
+        """Call `put(instance, alive)` for every instance that is there, comes or goes.
+
+        Returns:
+            A function that ends the watch.
+        """
+        subscriber = self._liveliness.declare_subscriber(
+            f"{_ROOT}/{service}/*", zenoh.handlers.RingChannel(_RING), history=True
+        )
+
+        def drain() -> None:
+            for sample in subscriber:
+                instance = str(sample.key_expr).rsplit("/", 1)[1]
+                put(instance, sample.kind == zenoh.SampleKind.PUT)
+
+        threading.Thread(target=drain, name=f"{_ROOT}/{service}", daemon=True).start()
+        return subscriber.undeclare
+
+    def everybody(self, timeout_s: float = 1.0) -> set[str]:
+        """Return who is there now, as `service/instance`."""
+        replies = self._liveliness.get(f"{_ROOT}/*/*", timeout=timeout_s)
+        keys = (str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
+        return {key.removeprefix(f"{_ROOT}/") for key in keys}
