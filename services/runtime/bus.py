@@ -83,11 +83,16 @@ class Bus:
             else:
                 inbox.put_latest(key, (key, payload))
 
-        stop = self.feed(topic, put, camera)
+        stop = self.feed(topic, put, camera, keep_all=keep_all)
         return Reader(inbox, lambda item: self.receive(topic, *item), stop)
 
     def feed(
-        self, topic: Topic[Any], put: Callable[[str, zenoh.ZBytes], None], camera: int | None = None
+        self,
+        topic: Topic[Any],
+        put: Callable[[str, zenoh.ZBytes], None],
+        camera: int | None = None,
+        *,
+        keep_all: bool = False,
     ) -> Callable[[], None]:
         """Call `put(key, payload)` for whatever arrives, on a thread of its own.
 
@@ -95,7 +100,7 @@ class Bus:
             A function that ends the subscription.
         """
         expression = topic.expression(camera)
-        size = _WILDCARD_RING if "*" in expression or _in_order(topic) else 1
+        size = _WILDCARD_RING if keep_all or "*" in expression else 1
         subscriber = self._session.declare_subscriber(expression, zenoh.handlers.RingChannel(size))
 
         def drain() -> None:
@@ -200,7 +205,3 @@ class Bus:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _in_order(topic: Topic[Any]) -> bool:
-    return topic.delivery is Delivery.NEVER_DROP

@@ -66,8 +66,10 @@ class Loop:
             A function that ends the subscription.
         """
 
+        keep_all = topic.delivery is Delivery.NEVER_DROP
+
         def put(key: str, payload: zenoh.ZBytes) -> None:
-            if topic.delivery is Delivery.NEVER_DROP:
+            if keep_all:
                 self._inbox.put_next(topic.key, lambda: take(key, payload))
             else:
                 self._inbox.put_latest(key, lambda: take(key, payload))
@@ -77,7 +79,7 @@ class Loop:
             if received is not None:
                 handler(received)
 
-        return self.bus.feed(topic, put, camera)
+        return self.bus.feed(topic, put, camera, keep_all=keep_all)
 
     def on_alive(self, service: str, handler: Callable[[str, bool], None]) -> None:
         """Call `handler(instance, alive)` for every instance of `service` that comes or goes."""
