@@ -1,0 +1,101 @@
+"""The one thread on which a service happens."""
+
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+import pytest
+
+from schemas.topics import MAP_FULL
+from services.runtime.bus import Bus
+from services.runtime.loop import Loop
+from services.runtime.router import router
+from tests.examples import EXAMPLES
+from tests.integration.conftest import running
+
+pytestmark = pytest.mark.integration
+
+OpenBus = Callable[..., Bus]
+
+
+def test_timers_come_in_the_order_they_are_due_and_a_cancelled_one_never(
+    open_bus: OpenBus,
+) -> None:
+    loop, calls = Loop(open_bus("mapper")), queue.Queue()
+    loop.after(0.05, lambda: calls.put("late"))
+    loop.after(0.01, lambda: calls.put("early"))
+    loop.after(0.03, lambda: calls.put("never")).cancel()
+    with running(loop):
+        assert [calls.get(timeout=5), calls.get(timeout=5)] == ["early", "late"]
+    assert calls.empty()
+
+
+def test_a_periodic_call_that_was_late_does_not_come_in_a_burst(open_bus: OpenBus) -> None:
+    loop, times = Loop(open_bus("mapper")), queue.Queue()
+
+    def slow_first_time() -> None:
+        times.put(time.monotonic())
+        if times.qsize() == 1:
+            time.sleep(0.3)  # The handler itself is what is slow here, not the test.
+
+    loop.every(0.05, slow_first_time)
+    with running(loop):
+        first, second, third = (times.get(timeout=5) for _ in range(3))
+    assert second - first >= 0.3
+    assert third - second >= 0.04
+
+
+def test_all_handlers_run_on_one_thread(open_bus: OpenBus) -> None:
+    asker, loop = open_bus("launcher"), Loop(open_bus("mapper"))
+    threads: queue.Queue[int] = queue.Queue()
+    loop.serve("a", lambda _: threads.put(threading.get_ident()) or {})
+    loop.serve("b", lambda _: threads.put(threading.get_ident()) or {})
+    loop.after(0.0, lambda: threads.put(threading.get_ident()))
+    with running(loop):
+        asker.request("mapper", "a")
+        asker.request("mapper", "b")
+    assert len({threads.get(timeout=5) for _ in range(3)}) == 1
+
+
+def test_a_topic_on_request_is_fetched_whole(open_bus: OpenBus) -> None:
+    asker, loop = open_bus("viewer"), Loop(open_bus("mapper"))
+    full = EXAMPLES["map_full"][1]
+    loop.answer(MAP_FULL, lambda: full)
+    with running(loop):
+        assert asker.fetch(MAP_FULL) == full
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_service_ends_within_two_seconds_of_a_signal(number: int) -> None:
+    with router() as endpoint:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "services.planner", "--bus.connect", endpoint],
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert process.stderr is not None
+        for line in process.stderr:
+            if " up: " in line:
+                break
+        start_s = time.monotonic()
+        os.kill(process.pid, number)
+        _, rest = process.communicate(timeout=10)
+    assert time.monotonic() - start_s < 2.0
+    assert process.returncode == 0, rest
+
+
+def test_a_wrong_setting_ends_with_its_rule() -> None:
+    ended = subprocess.run(
+        [sys.executable, "-m", "services.planner", "--bus.shm-pool-mib", "-3"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert ended.returncode == 2
+    assert "shm_pool_mib" in ended.stderr.replace("-", "_")
