@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -38,10 +39,10 @@ def wait_for(condition):
 
 def is_running(pid):
     try:
-        with open(f"/proc/{pid}/stat") as stat:
-            return stat.read().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
+        stat = Path(f"/proc/{pid}/stat").read_text()
+    except (FileNotFoundError, ProcessLookupError):
         return False
+    return stat.rsplit(")", 1)[1].split()[0] != "Z"
 
 
 def test_what_is_started_runs_and_what_is_stopped_does_not(tmp_path):
@@ -149,6 +150,6 @@ with Supervisor([ProcessSpec("x", ("sleep", "60"))], Path({str(tmp_path)!r})) as
 """
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as launcher:
         orphan = int(launcher.stdout.readline())
-        wait_for(lambda: b"sleep" in open(f"/proc/{orphan}/cmdline", "rb").read().split(b"\0")[0])
+        wait_for(lambda: Path(f"/proc/{orphan}/cmdline").read_bytes().startswith(b"sleep"))
         launcher.kill()
     wait_for(lambda: not is_running(orphan))

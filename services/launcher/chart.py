@@ -1,0 +1,52 @@
+"""The quality of the map over time, as a picture."""
+
+from pathlib import Path
+
+from services.launcher.report import Record
+
+# Okabe & Ito, 2008: told apart by the colour-blind as well.
+_CURVES = (
+    ("coverage_visible", "coverage of what is visible now", "#009E73"),
+    ("coverage_observable", "coverage of what is observable", "#56B4E9"),
+    ("coverage", "coverage of the whole surface", "#0072B2"),
+    ("precision", "precision", "#D55E00"),
+    ("f_score", "F-score", "#000000"),
+)
+_INK, _GRID = "#333333", "#DDDDDD"
+
+
+def draw(record: Record, path: Path, title: str) -> None:
+    """Draw coverage, precision and F-score over simulated time.
+
+    Raises:
+        ImportError: If matplotlib is not installed.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import PercentFormatter
+
+    figure = Figure(figsize=(10, 6), layout="constrained")
+    axes = figure.add_subplot()
+    times_s = [quality.t_ns * 1e-9 for quality in record.qualities]
+    scores = [quality.stamp_true[1] for quality in record.qualities]
+    lowest = 1.0
+    for name, label, colour in _CURVES:
+        values = [getattr(score, name) for score in scores]
+        mean = sum(values) / len(values) if values else 0.0
+        axes.plot(times_s, values, color=colour, lw=1.6, label=f"{label}, mean {mean:.1%}")
+        lowest = min([lowest, *values])
+    tolerance_mm = scores[-1].tolerance_m * 1e3 if scores else 0.0
+    axes.set_title(title, loc="left", color=_INK, fontsize=12, fontweight="bold")
+    axes.set_xlabel("simulated time, s", color=_INK)
+    axes.set_ylabel(f"share within {tolerance_mm:g} mm", color=_INK)
+    axes.set_ylim(max(0.0, lowest - 0.05), 1.005)
+    axes.margins(x=0.01)
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+    axes.grid(color=_GRID, lw=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=_INK, length=0)
+    for side in axes.spines.values():
+        side.set_visible(False)
+    figure.legend(frameon=False, labelcolor=_INK, loc="outside lower left", ncols=3)
+    FigureCanvasAgg(figure)
+    figure.savefig(path, dpi=110)
