@@ -1,0 +1,115 @@
+"""The evaluator on the bus: the map and the truth in, metrics/quality out."""
+
+import logging
+
+from schemas.camera import CameraInfo
+from schemas.map import MapChanges, MapSummary
+from schemas.message import MessageError
+from schemas.sim import SceneSpec, SimState
+from schemas.topics import CAMERA_INFO, MAP_CHANGES, MAP_FULL, MAP_SUMMARY, QUALITY, SIM_STATE
+from services.evaluator.history import History
+from services.evaluator.judge import Judge
+from services.evaluator.open3d_loader import open3d
+from services.evaluator.settings import EvaluatorSettings
+from services.runtime.bus import Bus
+from services.runtime.errors import NoReply
+from services.runtime.loop import Loop
+from services.runtime.map_mirror import MapMirror, Outcome
+from services.runtime.reader import Received
+from services.world.errors import WorldError
+
+logger = logging.getLogger(__name__)
+
+_SNAPSHOT_TIMEOUT_S = 0.5  # Asked again at the next changes: meanwhile nothing can be scored.
+
+
+class EvaluatorService:
+    """Scores the newest fused instant as soon as all that it needs has come.
+
+    That is the summary that closes the instant, the mirror at its revision, the true state at
+    its tick, and the optics of the cameras that were fused. These come on different keys, in any
+    order, so whichever comes last sets off the scoring. A newer summary takes the place of one
+    that still waits, which is then counted as skipped: in lockstep that does not happen, for the
+    simulator lets the evaluator be one tick late at most.
+    """
+
+    def __init__(self, settings: EvaluatorSettings, bus: Bus, loop: Loop) -> None:
+        open3d()  # Slow, and possibly missing: before the first instant, not at it.
+        self._bus = bus
+        self._loop = loop
+        self._judge = Judge(settings.radius_m, settings.samples, settings.seed)
+        self._history = History()
+        self._cameras: dict[int, CameraInfo] = {}
+        self._mirror = MapMirror()
+        self._mapper_boot = ""
+        self._waiting: MapSummary | None = None
+        self._scored_rev: int | None = None
+        self._skipped = 0
+        self._refused: SceneSpec | None = None
+        loop.on(SIM_STATE, self._on_state)
+        loop.on(CAMERA_INFO, self._on_info)
+        loop.on(MAP_CHANGES, self._on_changes)
+        loop.on(MAP_SUMMARY, self._on_summary)
+
+    def _on_state(self, received: Received[SimState]) -> None:
+        state = received.message
+        if state.scene == self._refused:
+            return
+        try:
+            self._judge.truth(state.scene)  # Slow at the first state of a scene, then nothing.
+        except WorldError as error:
+            self._refused = state.scene
+            logger.error("cannot score scene %s: %s", state.scene.object, error)
+            return
+        self._history.add(state)
+        self._score()
+
+    def _on_info(self, received: Received[CameraInfo]) -> None:
+        self._cameras[received.message.camera] = received.message
+        self._score()
+
+    def _on_changes(self, received: Received[MapChanges]) -> None:
+        self._follow(received.envelope.boot)
+        with self._loop.stage("mirror"):
+            if self._mirror.apply(received.message) is Outcome.GAP:
+                self._heal()
+        self._score()
+
+    def _on_summary(self, received: Received[MapSummary]) -> None:
+        self._follow(received.envelope.boot)
+        self._waiting = received.message
+        self._score()
+
+    def _follow(self, boot: str) -> None:
+        """Begin anew when the mapper is another process than before."""
+        if boot != self._mapper_boot:
+            self._mapper_boot, self._scored_rev, self._waiting = boot, None, None
+            self._mirror.forget()
+
+    def _heal(self) -> None:
+        try:
+            full = self._bus.fetch(MAP_FULL, _SNAPSHOT_TIMEOUT_S)
+        except (NoReply, MessageError) as error:
+            logger.warning("missed changes after rev %d: %s", self._mirror.rev, error)
+            return
+        logger.info("missed changes after rev %d: healed at rev %d", self._mirror.rev, full.rev)
+        self._mirror.reset(full)
+
+    def _score(self) -> None:
+        summary, held = self._waiting, self._mirror.latest
+        if summary is None or held is None or held.rev < summary.rev:
+            return
+        stamp, newest = self._history.at(held.tick), self._history.newest
+        if stamp is None or newest is None or not set(summary.cameras_used) <= set(self._cameras):
+            return
+        self._waiting = None
+        if self._scored_rev is not None:
+            if held.rev <= self._scored_rev:
+                return
+            self._skipped += held.rev - self._scored_rev - 1
+        self._scored_rev = held.rev
+        with self._loop.stage("score"):
+            quality = self._judge.quality(
+                held, self._mirror.centres(), stamp, newest, self._cameras, self._skipped
+            )
+        self._bus.publish(QUALITY, quality)
