@@ -1,7 +1,7 @@
 """The errors of the simulated world."""
 
 
-class WorldError(Exception):
+class WorldError(ValueError):
     """The world cannot be built from what was asked."""
 
 

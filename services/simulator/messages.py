@@ -1,0 +1,52 @@
+"""The world's state, put into messages."""
+
+import numpy as np
+
+from schemas.camera import CameraCommand
+from schemas.geometry import Pose, Twist
+from schemas.sim import CameraBody, SceneSpec, SimState
+from schemas.target import TargetPose
+from services.kernels.rigid import FloatArray
+from services.simulator.world_state import World
+
+WORLD = "world"
+
+
+def target_pose(world: World) -> TargetPose:
+    """Tell where the target is."""
+    target = world.target()
+    linear, angular = target.twist()
+    return TargetPose(
+        t_ns=world.t_ns,
+        tick=world.tick,
+        frame_id=WORLD,
+        pose=Pose.from_matrix(target.pose()),
+        twist=Twist(linear=linear, angular=angular),
+    )
+
+
+def sim_state(world: World, scene: SceneSpec) -> SimState:
+    """Tell all that is true."""
+    target = target_pose(world)
+    return SimState(
+        t_ns=world.t_ns,
+        tick=world.tick,
+        frame_id=WORLD,
+        dt_ns=world.dt_ns,
+        target=target.pose,
+        twist=target.twist,
+        scene=scene,
+        cameras=tuple(
+            CameraBody(
+                camera=camera,
+                pose=Pose.from_matrix(body.T_world_camera),
+                twist=Twist(linear=tuple(body.twist[:3]), angular=tuple(body.twist[3:])),
+            )
+            for camera, body in sorted(world.cameras.items())
+        ),
+    )
+
+
+def twist_of(command: CameraCommand) -> FloatArray:
+    """Return a command as (6,) linear m/s and angular rad/s, world axes."""
+    return np.array([*command.twist.linear, *command.twist.angular])
