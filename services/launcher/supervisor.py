@@ -135,7 +135,7 @@ class Supervisor:
 
     def log_path(self, name: str) -> Path:
         """Return the file that holds a child's output."""
-        return self._logs / f"{name}.log"
+        return self._logs / f"{self.children[name].spec.log_name}.log"
 
     def stop(self) -> None:
         """End all children: SIGTERM, and after 2 s SIGKILL, each to its whole group."""
