@@ -57,7 +57,7 @@ def assess(
     placed = instant.placed
     centres = above_ground(centres_m, resolution_m)
     nearest = nearest_voxel(placed.points_m, centres)
-    ghosts = instant.surface.distance(centres)
+    ghosts = instant.distance(centres)
     sight = visibility(instant.surface, placed, views)
     fine, wide = (
         score(nearest, ghosts, placed.weights, observable, sight.seen(), factor * resolution_m)

@@ -4,10 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from services.evaluator.distance_memo import DistanceMemo
 from services.evaluator.samples import Placed, place, sample
-from services.evaluator.surface import BoolArray, Surface
+from services.evaluator.surface import BoolArray, Float32Array, Surface
 from services.evaluator.views import admissible_eyes
 from services.evaluator.visibility import observable
 
@@ -20,6 +21,8 @@ class Instant:
 
     surface: Surface
     placed: Placed
+    distance: Callable[[ArrayLike], Float32Array]
+    """Of (N, 3) points to the surface, metres."""
 
 
 class Truth:
@@ -50,11 +53,10 @@ class Truth:
         surface = Surface(rest_m, faces)
         self._deform = deform
         self._samples = sample(surface, num_samples, seed)
-        self._rest = Instant(surface, place(self._samples, surface))
+        placed = place(self._samples, surface)
+        self._rest = Instant(surface, placed, DistanceMemo(surface).distance)
         centre = np.array([0.0, 0.0, float(surface.vertices_m[:, 2].max()) / 2])
-        self.observable: BoolArray = observable(
-            surface, self._rest.placed, admissible_eyes(centre, radius_m)
-        )
+        self.observable: BoolArray = observable(surface, placed, admissible_eyes(centre, radius_m))
         """(N,) samples seen from at least one admissible view."""
 
     def at(self, t_s: float) -> Instant:
@@ -62,4 +64,4 @@ class Truth:
         if self._deform is None:
             return self._rest
         surface = Surface(self._deform(t_s), self._rest.surface.faces)
-        return Instant(surface, place(self._samples, surface))
+        return Instant(surface, place(self._samples, surface), surface.distance)

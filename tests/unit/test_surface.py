@@ -5,6 +5,7 @@ import sys
 import numpy as np
 import pytest
 
+from services.evaluator.distance_memo import DistanceMemo
 from services.evaluator.open3d_loader import open3d
 from services.evaluator.surface import Surface
 from services.runtime.errors import MissingExtra
@@ -44,6 +45,32 @@ def test_no_points_are_no_question(sphere):
     nothing = np.empty((0, 3), np.float32)
     assert sphere.distance(nothing).shape == (0,)
     assert sphere.occluded(nothing, nothing).shape == (0,)
+
+
+def test_remembered_distances_are_those_of_the_surface(sphere):
+    rng = np.random.default_rng(1)
+    memo = DistanceMemo(sphere)
+    points = np.rint(rng.normal(size=(400, 3)) * 50) * 0.005
+    points[::40] *= 1e3  # Beyond what has a key.
+    for _ in range(5):
+        asked = rng.permutation(points)[: rng.integers(0, 400)]
+        noise = rng.normal(size=asked.shape) * 1e-12
+        assert np.allclose(memo.distance(asked + noise), sphere.distance(asked), rtol=1e-6)
+
+
+def test_a_known_distance_is_not_asked_for_again(sphere):
+    asked = []
+
+    class Counting(Surface):
+        def distance(self, points_m):
+            asked.append(len(points_m))
+            return super().distance(points_m)
+
+    memo = DistanceMemo(Counting(sphere.vertices_m, sphere.faces))
+    points = np.random.default_rng(2).normal(size=(100, 3))
+    memo.distance(points[:60])
+    memo.distance(points[40:])
+    assert asked == [60, 40]
 
 
 @pytest.mark.parametrize("missing", ["open3d", "libusb_package"])
