@@ -56,9 +56,14 @@ class Clock:
             placed: the cameras that are in the world; before the start others are waited for.
         """
         if self._started:
-            return () if self._finished else self.missing()
+            runs = self._finished or not self.lockstep
+            return () if runs else self.missing() or self._absent_cameras()
         ready = {n for n in self._present if n in placed or not n.startswith("camera/")}
         return in_order(self._expected - ready)
+
+    def _absent_cameras(self) -> tuple[str, ...]:
+        cameras = (name for name in self._expected if name.startswith("camera/"))
+        return in_order(cameras) if self.lacks_cameras() else ()
 
     def start(self, placed: Collection[str]) -> bool:
         """Start if nobody is waited for; return whether it did."""
@@ -85,16 +90,16 @@ class Clock:
         self._barrier.drop(missing)
         return missing
 
-    def has_cameras(self) -> bool:
-        """Whether any camera takes part; without one, time stands still in lockstep."""
-        return self._barrier.waits_for_any("camera")
+    def lacks_cameras(self) -> bool:
+        """Whether time stands still because no camera takes part (lockstep)."""
+        return self.lockstep and not self._barrier.waits_for_any("camera")
 
     def may_end_tick(self) -> bool:
         """Whether all have acknowledged and the clock is not held."""
         held = self._paused and self._steps_left == 0
         if not self.lockstep or not self._started or self._finished or held:
             return False
-        return self.has_cameras() and not self.missing()
+        return not self.lacks_cameras() and not self.missing()
 
     def end_tick(self) -> bool:
         """Go to the next tick; return whether there is one."""

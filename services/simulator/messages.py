@@ -1,12 +1,8 @@
 """The world's state, put into messages."""
 
-import numpy as np
-
-from schemas.camera import CameraCommand
 from schemas.geometry import Pose, Twist
 from schemas.sim import CameraBody, SceneSpec, SimState
 from schemas.target import TargetPose
-from services.kernels.rigid import FloatArray
 from services.simulator.world_state import World
 
 WORLD = "world"
@@ -45,8 +41,3 @@ def sim_state(world: World, scene: SceneSpec) -> SimState:
             for camera, body in sorted(world.cameras.items())
         ),
     )
-
-
-def twist_of(command: CameraCommand) -> FloatArray:
-    """Return a command as (6,) linear m/s and angular rad/s, world axes."""
-    return np.array([*command.twist.linear, *command.twist.angular])

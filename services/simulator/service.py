@@ -24,7 +24,8 @@ from services.runtime.loop import Loop, Timer
 from services.runtime.reader import Received
 from services.simulator.bodies import Bodies
 from services.simulator.clock import Clock
-from services.simulator.messages import WORLD, sim_state, target_pose, twist_of
+from services.simulator.commands import Commands
+from services.simulator.messages import WORLD, sim_state, target_pose
 from services.simulator.proximity import Proximity
 from services.simulator.settings import SimulatorSettings
 from services.simulator.world_state import Limits, World
@@ -49,8 +50,7 @@ class Simulator:
         cameras = (f"camera/{i}" for i in range(settings.cameras))
         expected = {*settings.wait_for, *cameras}
         self._clock = Clock(settings.mode == "lockstep", expected, settings.num_ticks)
-        # Camera to the tick its newest command is of, when it came, and the command.
-        self._commands: dict[int, tuple[int, float, FloatArray]] = {}
+        self._commands = Commands()
         self._overruns = 0
         self._tick_began_s = self._due_s = 0.0
         self._timer: Timer | None = None
@@ -78,8 +78,7 @@ class Simulator:
     def _on_command(self, received: Received[CameraCommand]) -> None:
         command = received.message
         if command.camera < self._settings.cameras:
-            now_s = time.monotonic()
-            self._commands[command.camera] = (command.tick, now_s, twist_of(command))
+            self._commands.put(command)
             self._acknowledge(f"camera/{command.camera}", command.tick)
 
     def _presence_of(self, service: str) -> Callable[[str, bool], None]:
@@ -154,10 +153,8 @@ class Simulator:
 
     def _valid_commands(self) -> dict[int, FloatArray]:
         if self._clock.lockstep:
-            tick = self._world.tick
-            return {i: twist for i, (t, _, twist) in self._commands.items() if t == tick}
-        oldest_s = time.monotonic() - self._settings.command_timeout_s
-        return {i: twist for i, (_, s, twist) in self._commands.items() if s >= oldest_s}
+            return self._commands.of_tick(self._world.tick)
+        return self._commands.not_older_than(self._settings.command_timeout_s)
 
     def _placed(self) -> set[str]:
         return {f"camera/{i}" for i in self._world.cameras}
@@ -176,7 +173,7 @@ class Simulator:
         match self._clock.state:
             case "waiting":
                 self._bus.publish(TARGET_POSE, target_pose(self._world))
-            case "running" | "paused" if stalled and not self._clock.has_cameras():
+            case "running" | "paused" if stalled and self._clock.lacks_cameras():
                 self._publish_world()  # Cameras come back by acknowledging this tick.
         if stalled:
             self._publish_clock(self._clock.waiting_for(self._placed()))
@@ -244,7 +241,7 @@ class Simulator:
         self._stop_timer()
         self._world.reset()
         self._clock.reset()
-        self._commands.clear()
+        self._commands = Commands()
         self._proximity = Proximity()
         self._overruns = 0
         return self.get({})

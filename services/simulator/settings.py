@@ -89,6 +89,6 @@ class SimulatorSettings(ServiceSettings):
     @property
     def num_ticks(self) -> int | None:
         """How many ticks are run; None for no end."""
-        by_time = round(self.duration_s / self.dt_s)
+        by_time = max(1, round(self.duration_s / self.dt_s)) if self.duration_s else 0
         limits = [n for n in (self.max_ticks, by_time) if n > 0]
         return min(limits, default=None)

@@ -68,6 +68,8 @@ def load_mesh(name_or_path: str, height_m: float = 0.4, subdivide: int = 2) -> M
 def _from_file(name: str, subdivide: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     stem, _, axis = name.rpartition(":")
     path, up = (Path(stem), axis) if stem and axis in _ROLL_OF_UP else (Path(name), "")
+    if str(path) in shapes.NAMES:
+        raise MeshError(f"{path} stands upright already; an up axis ({up}) is for files")
     vertices, faces = mesh_file.read(path)
     faces = outward(vertices, faces)
     for _ in range(subdivide):
