@@ -59,11 +59,12 @@ def _simulator(settings: RunSettings) -> Flags:
     evaluator = ("evaluator",) if settings.evaluator else ()
     return {
         "object": settings.object,
-        "height": settings.height,
+        "up": settings.up,
+        "height-m": settings.height,
         "path": settings.path,
-        "lap": settings.lap,
+        "lap-s": settings.lap,
         "deformation": settings.deformation,
-        "dt": settings.dt_s,
+        "dt-s": settings.dt_s,
         "mode": settings.mode,
         "cameras": settings.cameras,
         "wait-for": ("planner", "mapper", *evaluator),
@@ -80,6 +81,8 @@ def _planner(settings: RunSettings) -> Flags:
         "elevation-deg": settings.elevation,
         "centre-height-m": settings.height / 2,
         "view-file": settings.view_file,
+        "dwell-s": settings.dwell,
+        "travel-s": settings.travel,
         "dt-s": settings.dt_s,
     }
 
@@ -103,8 +106,8 @@ def _mapper(settings: RunSettings) -> Flags:
     }
 
 
-def _evaluator(settings: RunSettings) -> Flags:  # noqa: ARG001 its defaults fit every run.
-    return {}
+def _evaluator(settings: RunSettings) -> Flags:
+    return {"radius-m": settings.radius, "seed": settings.seed}
 
 
 def _spec(name: str, flags: Flags, endpoint: str) -> ProcessSpec:

@@ -21,15 +21,18 @@ class RunSettings(BaseModel):
     """TOML file whose keys are these flags, with `_` for `-`."""
 
     object: str = "bunny"
-    """Built-in object, or a mesh file (.obj .ply .stl .off)."""
+    """bunny, sphere, box, torus, or a mesh file (.obj .ply .stl .off)."""
+    up: Literal["auto", "x", "y", "z"] = "auto"
+    """Which axis of a mesh file is up."""
     height: Annotated[float, Field(gt=0, le=100)] = 0.4
     """Height of the object, metres."""
     path: Literal["ellipse", "circle", "line", "eight", "static"] = "ellipse"
     """What the object drives along."""
     lap: Annotated[float, Field(gt=0, le=3600)] = 40.0
     """Time once round the path, simulated seconds."""
-    deformation: Literal["rigid", "breathing", "squash", "bend", "twist", "wave"] = "rigid"
-    """How the object changes its shape."""
+    deformation: str = "rigid"
+    """rigid, or kind[:amplitude[:hz[:phase]]] joined by +; kinds breathing, squash, bend, twist,
+    wave."""
 
     cameras: Annotated[int, Field(ge=1, le=MAX_CAMERAS)] = 6
     """How many cameras, each its own process."""
@@ -46,6 +49,10 @@ class RunSettings(BaseModel):
     """Of the cameras above the horizontal, degrees."""
     view_file: Path | None = None
     """Views for `static` and `dome`: lines `x y z qx qy qz qw`."""
+    dwell: Annotated[float, Field(ge=0, le=3600)] = 0.2
+    """Rest at each view of the dome, seconds."""
+    travel: Annotated[float, Field(gt=0, le=3600)] = 1.0
+    """Flight from one view of the dome to the next, seconds."""
 
     voxel_size: Annotated[float, Field(gt=0, le=1)] = 0.01
     """Edge of a voxel, metres."""
