@@ -1,8 +1,11 @@
 """The world's state, put into messages."""
 
+import time
+
 from schemas.geometry import Pose, Twist
-from schemas.sim import CameraBody, SceneSpec, SimState
+from schemas.sim import CameraBody, SceneSpec, SimClock, SimState
 from schemas.target import TargetPose
+from services.simulator.clock import Clock
 from services.simulator.world_state import World
 
 WORLD = "world"
@@ -40,4 +43,20 @@ def sim_state(world: World, scene: SceneSpec) -> SimState:
             )
             for camera, body in sorted(world.cameras.items())
         ),
+    )
+
+
+def sim_clock(world: World, clock: Clock, waiting_for: tuple[str, ...], overruns: int) -> SimClock:
+    """Tell the time and who holds it up."""
+    return SimClock(
+        t_ns=world.t_ns,
+        tick=world.tick,
+        frame_id=WORLD,
+        dt_ns=world.dt_ns,
+        mode="lockstep" if clock.lockstep else "realtime",
+        state=clock.state,
+        waiting_for=waiting_for,
+        dropped=clock.dropped,
+        overruns=overruns,
+        t_wall_ns=time.time_ns(),
     )

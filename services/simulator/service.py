@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 from schemas.camera import CameraCommand, CameraGoal
-from schemas.sim import SimClock
 from schemas.topics import (
     CAMERA_COMMAND,
     CAMERA_GOAL,
@@ -25,7 +24,7 @@ from services.runtime.reader import Received
 from services.simulator.bodies import Bodies
 from services.simulator.clock import Clock
 from services.simulator.commands import Commands
-from services.simulator.messages import WORLD, sim_state, target_pose
+from services.simulator.messages import sim_clock, sim_state, target_pose
 from services.simulator.proximity import Proximity
 from services.simulator.settings import SimulatorSettings
 from services.simulator.world_state import Limits, World
@@ -179,18 +178,7 @@ class Simulator:
             self._publish_clock(self._clock.waiting_for(self._placed()))
 
     def _publish_clock(self, waiting_for: tuple[str, ...]) -> None:
-        clock = SimClock(
-            t_ns=self._world.t_ns,
-            tick=self._world.tick,
-            frame_id=WORLD,
-            dt_ns=self._world.dt_ns,
-            mode=self._settings.mode,
-            state=self._clock.state,
-            waiting_for=waiting_for,
-            dropped=self._clock.dropped,
-            overruns=self._overruns,
-            t_wall_ns=time.time_ns(),
-        )
+        clock = sim_clock(self._world, self._clock, waiting_for, self._overruns)
         self._bus.publish(SIM_CLOCK, clock)
 
     def _publish_world(self) -> None:

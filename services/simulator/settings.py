@@ -1,5 +1,6 @@
 """What is simulated and how its clock runs."""
 
+from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -11,6 +12,7 @@ from services.runtime.settings import ServiceSettings
 from services.world.deformation import parse_deformations
 from services.world.path import Motion, PathKind, open_motion
 from services.world.scene import Scene
+from services.world.shapes import NAMES
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -69,8 +71,11 @@ class SimulatorSettings(ServiceSettings):
 
     def scene(self) -> SceneSpec:
         """Return what all processes need to build the same object."""
+        # Other processes may run in another folder.
+        known = self.object in NAMES or not Path(self.object).is_file()
+        name = self.object if known else str(Path(self.object).resolve())
         return SceneSpec(
-            object=self.object if self.up == "auto" else f"{self.object}:{self.up}",
+            object=name if self.up == "auto" else f"{name}:{self.up}",
             height_m=self.height_m,
             subdivide=self.subdivide,
             deformations=parse_deformations(self.deformation),

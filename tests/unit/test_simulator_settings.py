@@ -7,6 +7,8 @@ from services.simulator.settings import SimulatorSettings
 
 pytestmark = pytest.mark.unit
 
+TETRAHEDRON = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 2\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n"
+
 
 def test_the_defaults_are_the_main_job():
     settings = SimulatorSettings()
@@ -53,3 +55,10 @@ def test_a_setting_comes_from_the_environment(monkeypatch):
         SimulatorSettings()
     monkeypatch.delenv("ENCIRCLE_SIMULATOR_UP")
     assert SimulatorSettings().scene().object == "torus"
+
+
+def test_a_mesh_file_is_named_so_that_processes_elsewhere_find_it(tmp_path, monkeypatch):
+    (tmp_path / "t.off").write_text(TETRAHEDRON)
+    monkeypatch.chdir(tmp_path)
+    settings = SimulatorSettings(object="t.off", up="x")
+    assert settings.scene().object == f"{tmp_path.resolve() / 't.off'}:x"
