@@ -12,6 +12,7 @@ from services.evaluator.views import View, admissible_eyes, eyes
 from services.evaluator.visibility import MAX_INCIDENCE_RAD, in_frustum, observable, visibility
 from services.kernels.rigid import look_at
 from services.world.mesh import load_mesh
+from tests.raycast_reference import RayCaster
 
 pytestmark = pytest.mark.unit
 
@@ -94,6 +95,26 @@ def test_a_body_hides_what_stands_behind_it():
     assert not np.any(ahead.best_cosine[small] > 0)
     assert np.all(ahead.in_view[small])
     assert np.mean(aside.best_cosine[small] > 0) > 0.4
+
+
+@pytest.mark.parametrize("azimuth_deg", [0, 70, 200])
+def test_what_is_seen_of_the_bunny_is_what_its_depth_image_shows(azimuth_deg):
+    mesh = load_mesh("bunny", height_m=0.4, subdivide=2)
+    surface = Surface(mesh.vertices_m, mesh.faces)
+    placed = place(sample(surface, 4000, seed=0), surface)
+    azimuth = math.radians(azimuth_deg)
+    view = view_from((math.cos(azimuth), math.sin(azimuth), 0.5))
+    T, k = view.T_target_camera, view.intrinsics
+    image = RayCaster(mesh.vertices_m, mesh.faces).depth_m(
+        T, (k.fx, k.fy, k.cx, k.cy), k.width, k.height
+    )
+    x, y, z = ((placed.points_m - T[:3, 3]) @ T[:3, :3]).T
+    row, column = np.rint(k.fy * y / z + k.cy), np.rint(k.fx * x / z + k.cx)
+    shown = z < image[row.astype(int), column.astype(int)] + 2e-3
+    sight = visibility(surface, placed, [view])
+    # A pixel is 1.7 mm wide: at contours and on slopes its depth is not the sample's.
+    assert np.mean(sight.seen(math.radians(70)) & ~shown) < 0.003
+    assert np.mean(shown & (sight.best_cosine == 0)) < 0.02
 
 
 def test_no_camera_or_one_that_looks_away_sees_nothing(sphere):
