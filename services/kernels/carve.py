@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from services.kernels.bricks import UNIFORM, UNKNOWN, VOXELS, close_brick, miss_brick, open_brick
+from services.kernels.levels import NUM_FINE, cells_of, level_for, reach_px
 
 PART, WHOLE = 1, 2
 """What the image says of a brick: test every voxel, or all of it is free."""
@@ -12,7 +13,7 @@ NEAR_M = np.float32(0.02)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def cull(bricks, T, side, half, camera, size, tiles, levels, scan, low, margin, out):  # type: ignore[no-untyped-def]
+def cull(bricks, T, half, camera, size, tiles, edge, scan, low, margin, out):  # type: ignore[no-untyped-def]
     """List the bricks that the image has something to say about.
 
     Args:
@@ -20,19 +21,21 @@ def cull(bricks, T, side, half, camera, size, tiles, levels, scan, low, margin, 
         half: (3,) float32, half extent of a brick's bounding box in the camera frame (m).
         camera: (4,) float32 fx, fy, cx, cy. size: (2,) int64 height, width.
         tiles: nearest and farthest reach (m, float32) of 8x8 pixels.
-        levels: (2,) float32, window (half cells) = levels[0] / z, at most levels[1].
+        edge: float32, a voxel's edge as windows see it: edge / z pixels.
         low: lower clamp. margin: m.
-        out: which (B,) int32, kind (B,) uint8, centre (B, 3) float32, window (B,) int32; written.
+        out: which (B,) int32, kind (B,) uint8, centre (B, 3) float32, level (B,) int32; written.
 
     Returns:
         Number of bricks listed.
     """
     nearest, farthest = tiles
-    which, kinds, centres, windows = out
+    which, kinds, centres, chosen = out
     nx, ny, nz = bricks.shape
     height, width = size
     fx, fy, cx, cy = camera
     one, zero, last_u, last_v = np.float32(1), np.float32(0), np.float32(width - 1), np.float32(height - 1)
+    # Taken out of the tuple once: numba counts references at every access.
+    slots, values, hit_scan = bricks.slot, bricks.value, bricks.hit_scan
     far = zero
     for a in range(farthest.shape[0]):
         for b in range(farthest.shape[1]):
@@ -50,12 +53,12 @@ def cull(bricks, T, side, half, camera, size, tiles, levels, scan, low, margin, 
                 if Z + half[2] <= NEAR_M or Z - half[2] + margin >= far:
                     continue
                 brick = (i * ny + j) * nz + k
-                hit = bricks.hit_scan[brick] == scan
+                hit = hit_scan[brick] == scan
                 # A brick at the lower clamp stays there: no miss can change it.
-                if not hit and bricks.slot[brick] == UNIFORM and bricks.value[brick] == low:
+                if not hit and slots[brick] == UNIFORM and values[brick] == low:
                     continue
                 X, Y = X0 + T[0, 2] * fk, Y0 + T[1, 2] * fk
-                window = np.int32(min(levels[0] / max(Z, NEAR_M) + np.float32(0.5), levels[1]))
+                level = level_for(edge / max(Z, NEAR_M))
                 kind = PART
                 front = Z - half[2]
                 if front >= NEAR_M:
@@ -68,7 +71,7 @@ def cull(bricks, T, side, half, camera, size, tiles, levels, scan, low, margin, 
                     if u1 < zero or v1 < zero or u0 > last_u or v0 > last_v:
                         continue
                     inside = u0 >= zero and v0 >= zero and u1 <= last_u and v1 <= last_v
-                    reach = window + 2  # the window, in pixels, and the rounding to cells.
+                    reach = reach_px(level)
                     a0, a1 = max(0, int(v0) - reach) >> 3, min(height - 1, int(v1) + reach) >> 3
                     b0, b1 = max(0, int(u0) - reach) >> 3, min(width - 1, int(u1) + reach) >> 3
                     lowest, highest = np.float32(1e9), zero
@@ -83,18 +86,18 @@ def cull(bricks, T, side, half, camera, size, tiles, levels, scan, low, margin, 
                 which[count] = brick
                 kinds[count] = kind
                 centres[count, 0], centres[count, 1], centres[count, 2] = X, Y, Z
-                windows[count] = window
+                chosen[count] = level
                 count += 1
     return count
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def project(centre, offsets, pixel, bound, shift, pitch, margin, index, depth):  # type: ignore[no-untyped-def]
-    """Write for each of 512 voxels where to look in a level, and the reach that would free it (m).
+    """Write for each of 512 voxels where to look in a sight, and the reach that would free it (m).
 
     Args:
         centre: (3,) brick, offsets: (3, 512) its voxels, camera frame, m.
-        pixel: (4,) fx, fy, cx, cy in the level's cells, bound: (2,) width, height in cells.
+        pixel: (4,) fx, fy, cx, cy in the sight's cells, bound: (2,) width, height in cells.
         shift: added before rounding down. All float32; index int32, depth float32, written.
     """
     x, y, z = centre[0], centre[1], centre[2]
@@ -114,11 +117,11 @@ def project(centre, offsets, pixel, bound, shift, pitch, margin, index, depth): 
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def compare(level, index, depth, free):  # type: ignore[no-untyped-def]
-    """Write 1 into free where the level reaches beyond the voxel; return how many."""
+def compare(sight, index, depth, free):  # type: ignore[no-untyped-def]
+    """Write 1 into free where the sight reaches beyond the voxel; return how many."""
     count = np.int32(0)
     for i in range(VOXELS):
-        free[i] = np.int32(depth[i] < level[np.uint32(index[i])])
+        free[i] = np.int32(depth[i] < sight[np.uint32(index[i])])
     for i in range(VOXELS):
         count += free[i]
     return count
@@ -146,38 +149,41 @@ def miss_some(row, free, miss, low):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def carve(bricks, first, count, listed, offsets, levels, camera, size, scan, miss, low, margin):  # type: ignore[no-untyped-def]
+def carve(bricks, first, count, listed, offsets, sights, camera, size, scan, miss, low, margin):  # type: ignore[no-untyped-def]
     """Free the voxels of the listed bricks that the image sees beyond; write `bricks` in place.
 
     Args:
         listed: what `cull` wrote. offsets: (3, 512) float32, voxels of a brick, camera frame, m.
-        levels: the full reach (H*W,) and the windows (L, P) float32 (m), and the windows' row pitch.
+        sights: reach (m, float32) in windows of 1.. pixels (N, P) and its row pitch, then in windows
+            of 1.. cells of 2x2 pixels, likewise.
 
     Returns:
         The list index to go on with: count when done, less if the pool is exhausted.
     """
-    which, kinds, centres, windows = listed
-    whole_image, window_levels, window_pitch = levels
+    which, kinds, centres, chosen = listed
+    fine, fine_pitch, coarse, coarse_pitch = sights
     height, width = size
     index, depth = np.empty(VOXELS, np.int32), np.empty(VOXELS, np.float32)
     free = np.empty(VOXELS, np.int32)
     pixel, bound = np.empty(4, np.float32), np.empty(2, np.float32)
     half = np.float32(0.5)
     for q in range(first, count):
-        brick, window = which[q], windows[q]
+        brick, level = which[q], chosen[q]
         if kinds[q] == WHOLE:
             miss_brick(bricks, brick, miss, low)
             continue
-        scale = np.float32(1) if window == 0 else half
+        cells = cells_of(level)
+        is_fine = level < NUM_FINE
+        scale = np.float32(1) if is_fine else half
         pixel[0], pixel[1] = camera[0] * scale, camera[1] * scale
         pixel[2], pixel[3] = (camera[2] + half) * scale, (camera[3] + half) * scale
         bound[0], bound[1] = np.float32(width) * scale, np.float32(height) * scale
         # Windows of an even number of cells are centred on corners.
-        shift = half if window > 0 and window % 2 == 0 else np.float32(0)
-        pitch = np.int32(width) if window == 0 else np.int32(window_pitch)
+        shift = half if cells % 2 == 0 else np.float32(0)
+        pitch = np.int32(fine_pitch if is_fine else coarse_pitch)
         project(centres[q], offsets, pixel, bound, shift, pitch, margin, index, depth)
-        level = whole_image if window == 0 else window_levels[window - 1]
-        seen = compare(level, index, depth, free)
+        sight = fine[cells - 1] if is_fine else coarse[cells - 1]
+        seen = compare(sight, index, depth, free)
         if seen == 0:
             continue
         hit = bricks.hit_scan[brick] == scan

@@ -7,8 +7,33 @@ farthest return in a window of w pixels around its centre. Raw depths are intege
 import numpy as np
 from numba import njit
 
+NUM_FINE = 3
+"""Levels 0.. are windows of 1.. pixels; then come windows of 2.. cells of 2x2 pixels."""
+NUM_COARSE = 31
+"""Voxels larger than 64 pixels are sampled in part."""
 TILE = 4
 """Edge of a tile in half-resolution cells: 8 pixels."""
+
+
+@njit(cache=True, error_model="numpy", nogil=True, inline="always")
+def level_for(pixels):  # type: ignore[no-untyped-def]
+    """Return the level whose window comes closest to a width in pixels."""
+    fine = max(np.int32(pixels - np.float32(0.5)), np.int32(0))
+    wide = min(pixels * np.float32(0.5), np.float32(NUM_COARSE))
+    coarse = np.int32(wide + np.float32(0.5)) + np.int32(NUM_FINE - 2)
+    return min(fine if fine < NUM_FINE else coarse, np.int32(NUM_FINE + NUM_COARSE - 1))
+
+
+@njit(cache=True, error_model="numpy", nogil=True, inline="always")
+def cells_of(level):  # type: ignore[no-untyped-def]
+    """Return the width of a level's window, pixels if it is fine, cells if it is coarse."""
+    return level + 1 if level < NUM_FINE else level - NUM_FINE + 2
+
+
+@njit(cache=True, error_model="numpy", nogil=True, inline="always")
+def reach_px(level):  # type: ignore[no-untyped-def]
+    """Return how far a window may reach from the centre it is asked for, pixels."""
+    return 2 + (0 if level < NUM_FINE else cells_of(level))
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -67,7 +67,9 @@ def hit_points(bricks, points, origin, key0, resolution, discretize, max_range, 
             if slot < 0:
                 return n, kept, hits, skipped
             local = ((i & 7) << 6) | ((j & 7) << 3) | (k & 7)
-            new = hit_voxel(bricks, slot, brick, local, scan, hit, low, high)
+            bricks.hit_scan[brick] = scan
+            bricks.dirty[brick] = 1
+            new = hit_voxel(bricks.stamp, bricks.log_odds, slot, local, scan, hit, low, high)
             hits += new
             if discretize and not new:
                 continue
@@ -124,6 +126,9 @@ def miss_rays(bricks, ends, first, count, origin, key0, resolution, scan, miss, 
     nby, nbz = bricks.shape[1], bricks.shape[2]
     shape = bricks.shape * 8
     inverse = 1.0 / resolution
+    # Taken out of the tuple once: numba counts references at every access.
+    slots, values, dirty = bricks.slot, bricks.value, bricks.dirty
+    stamp, log_odds = bricks.stamp, bricks.log_odds
     start, key, stop = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3, np.int64)
     step, t_max, t_delta = np.empty(3, np.int64), np.empty(3), np.empty(3)
     direction = np.empty(3, np.float32)
@@ -166,18 +171,21 @@ def miss_rays(bricks, ends, first, count, origin, key0, resolution, scan, miss, 
                 if brick != current:
                     current = brick
                     # A uniform brick at the lower clamp stays there.
-                    settled = bricks.slot[brick] == UNIFORM and bricks.value[brick] == low
+                    slot = slots[brick]
+                    settled = slot == UNIFORM and values[brick] == low
                     if not settled:
-                        slot = open_brick(bricks, brick)
-                        if slot < 0:
-                            return n
-                        bricks.dirty[brick] = 1
+                        if slot == UNIFORM:
+                            slot = open_brick(bricks, brick)
+                            if slot < 0:
+                                return n
+                        dirty[brick] = 1
                 if not settled:
                     local = ((x & 7) << 6) | ((y & 7) << 3) | (z & 7)
-                    if bricks.stamp[slot, local] != scan:
-                        bricks.stamp[slot, local] = scan
-                        value = add(bricks.log_odds[slot, local], miss, low, high)
-                        bricks.log_odds[slot, local] = np.int16(value)
+                    if stamp[slot, local] != scan:
+                        stamp[slot, local] = scan
+                        log_odds[slot, local] = np.int16(
+                            add(log_odds[slot, local], miss, low, high)
+                        )
             elif (
                 (x < 0 and sx <= 0)
                 or (y < 0 and sy <= 0)

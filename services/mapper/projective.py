@@ -3,25 +3,24 @@
 OctoMap's update rules; free space is sampled at voxel centres over the voxel's footprint, not ray by ray.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.kernels import carve, hits, levels
+from services.kernels import carve, hits
 from services.kernels.bricks import BRICK, VOXELS
 from services.mapper.box import Box
 from services.mapper.brick_store import BrickStore
 from services.mapper.sensor_model import SensorModel
+from services.mapper.sight import Sight
 
 NO_RETURN = 65535
 """A pixel that looked and saw nothing: free up to the maximum range."""
-FOOTPRINT = 1.0
+FOOTPRINT = 1.25
 """Window over a voxel's projected edge; tuned against OctoMap's free space (benchmarks/mapping.py)."""
 MARGIN = 0.5
 """Voxels that a return must lie behind a voxel's centre to free it."""
-MAX_WINDOW = 32
-"""Widest window, half-resolution cells: voxels larger than 64 pixels are sampled in part."""
 
 
 @dataclass(frozen=True)
@@ -33,27 +32,6 @@ class View:
     T_map_camera: NDArray[np.float64]
     scale_m: float
     max_range_m: float
-
-
-@dataclass
-class _Scratch:
-    """Buffers of one image size, reused from image to image."""
-
-    height: int
-    width: int
-    half: list[NDArray[np.uint16]] = field(default_factory=list)
-    metres: NDArray[np.float32] = field(init=False)
-
-    def __post_init__(self) -> None:
-        rows, columns = (self.height + 1) // 2, (self.width + 1) // 2
-        self.reach = np.empty((self.height, self.width), np.uint16)
-        self.reach_m = np.empty((self.height, self.width), np.float32)
-        self.metres = np.zeros((MAX_WINDOW, rows + 1, columns + 1), np.float32)
-        for window in range(1, MAX_WINDOW + 1):
-            extra = 1 - window % 2
-            self.half.append(np.empty((rows + extra, columns + extra), np.uint16))
-        tiles = (-(-rows // levels.TILE), -(-columns // levels.TILE))
-        self.nearest, self.farthest = np.empty(tiles, np.uint16), np.empty(tiles, np.uint16)
 
 
 class ProjectiveIntegrator:
@@ -71,18 +49,18 @@ class ProjectiveIntegrator:
         )
         i, j, k = np.unravel_index(np.arange(VOXELS), (BRICK, BRICK, BRICK))
         self._voxels_m = (np.stack([i, j, k]) - (BRICK - 1) / 2) * box.resolution_m
-        self._scratch = _Scratch(0, 0)
+        self._sight = Sight(1, 1)
 
     def fuse(self, view: View) -> int:
         """Fuse one checked image; return the number of voxels hit."""
-        if view.depth.shape != (self._scratch.height, self._scratch.width):
-            self._scratch = _Scratch(*view.depth.shape)
+        if view.depth.shape != self._sight.shape:
+            self._sight = Sight(*view.depth.shape)
         scan = self._store.begin_scan()
         limit = np.uint16(min(int(view.max_range_m / view.scale_m), NO_RETURN - 1))
         num_hits = self._hit(view, limit, scan)  # the voxels that the pixels end in
-        levels.halve(view.depth, limit, self._scratch.half[0])  # how far the image sees
+        self._sight.look(view.depth, limit, view.scale_m)  # how far the image sees
         count = self._cull(view, scan)  # the bricks it says anything about
-        self._carve(view, limit, count, scan)  # the voxels it sees beyond
+        self._carve(view, count, scan)  # the voxels it sees beyond
         return num_hits
 
     def _hit(self, view: View, limit: np.uint16, scan: np.uint8) -> int:
@@ -105,15 +83,12 @@ class ProjectiveIntegrator:
             self._store.grow()
 
     def _cull(self, view: View, scan: np.uint8) -> int:
-        scratch, resolution_m = self._scratch, self._box.resolution_m
-        levels.tiles(scratch.half[0], scratch.nearest, scratch.farthest)
-        scale = np.float32(view.scale_m)
+        resolution_m = self._box.resolution_m
         R_camera_map = view.T_map_camera[:3, :3].T
         T = np.empty((3, 4), np.float32)
         T[:, :3] = R_camera_map * (BRICK * resolution_m)
         T[:, 3] = R_camera_map @ (self._box.origin_m - view.T_map_camera[:3, 3])
         half_m = np.abs(R_camera_map).sum(axis=1) * ((BRICK - 1) / 2 * resolution_m)
-        window = FOOTPRINT * view.pinhole[0] * resolution_m / 2
         return int(
             carve.cull(
                 self._store.bricks,
@@ -121,8 +96,8 @@ class ProjectiveIntegrator:
                 half_m.astype(np.float32),
                 np.asarray(view.pinhole, np.float32),
                 np.asarray(view.depth.shape, np.int64),
-                (scratch.nearest * scale, scratch.farthest * scale),
-                np.array([window, MAX_WINDOW], np.float32),
+                self._sight.tiles(),
+                np.float32(FOOTPRINT * view.pinhole[0] * resolution_m),
                 scan,
                 self._update[2],
                 np.float32(MARGIN * resolution_m),
@@ -130,15 +105,11 @@ class ProjectiveIntegrator:
             )
         )
 
-    def _carve(self, view: View, limit: np.uint16, count: int, scan: np.uint8) -> None:
-        if count == 0:
-            return
-        scratch = self._scratch
-        self._see(view, limit, count)
+    def _carve(self, view: View, count: int, scan: np.uint8) -> None:
+        used = self._listed[3][:count][self._listed[1][:count] == carve.PART]
+        sights = self._sight.levels(used)
         offsets = (view.T_map_camera[:3, :3].T @ self._voxels_m).astype(np.float32)
         _, miss, low, _ = self._update
-        pitch = scratch.metres.shape[2]
-        sights = (scratch.reach_m.reshape(-1), scratch.metres.reshape(MAX_WINDOW, -1), pitch)
         first = 0
         while True:
             first = carve.carve(
@@ -158,20 +129,3 @@ class ProjectiveIntegrator:
             if first == count:
                 return
             self._store.grow()
-
-    def _see(self, view: View, limit: np.uint16, count: int) -> None:
-        """Prepare the levels that the listed bricks look at, and no others."""
-        scratch, scale = self._scratch, np.float32(view.scale_m)
-        windows = self._listed[3][:count][self._listed[1][:count] == carve.PART]
-        if not windows.size:
-            return
-        smallest, largest = int(windows.min()), int(windows.max())
-        if smallest == 0:
-            levels.full(view.depth, limit, scratch.reach)
-            levels.to_metres(scratch.reach, scale, scratch.reach_m)
-        for window in range(1, largest + 1):
-            if window > 1:
-                widen = levels.widen_to_odd if window % 2 else levels.widen_to_even
-                widen(scratch.half[window - 2], scratch.half[window - 1])
-            if window >= smallest:
-                levels.to_metres(scratch.half[window - 1], scale, scratch.metres[window - 1])
