@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from schemas.sim import SceneSpec
+from services.kernels.deform import deform
 from services.kernels.rigid import apply, planar
 from services.world.deformation import parse_deformations
 from services.world.errors import WorldError
 from services.world.scene import Scene
+from services.world.warm_up import warm_up
 
 pytestmark = pytest.mark.unit
 
@@ -46,3 +48,10 @@ def test_a_spec_that_cannot_be_built_is_a_world_error():
     inside_out = [{"kind": "squash", "amplitude": 1.9, "hz": 1.0}]
     with pytest.raises(WorldError, match="squash"):
         Scene.from_spec(spec(deformations=inside_out))
+
+
+def test_warming_up_compiles_all_that_a_deforming_scene_runs():
+    warm_up()
+    compiled = len(deform.signatures)
+    Scene.from_spec(spec(object="bunny", subdivide=2)).mesh_at(1.0)
+    assert len(deform.signatures) == compiled > 0
