@@ -1,5 +1,6 @@
 """Which parts of encircle a run needs, and which of them are not installed."""
 
+from collections.abc import Callable
 from importlib.util import find_spec
 
 from services.launcher.errors import MissingExtraError
@@ -14,8 +15,13 @@ _PACKAGES = {
 }
 
 
-def check_extras(settings: RunSettings) -> None:
-    """See to it that all that a run needs is installed, without importing it.
+def is_installed(package: str) -> bool:
+    """Whether a package can be imported, without importing it."""
+    return find_spec(package) is not None
+
+
+def check_extras(settings: RunSettings, installed: Callable[[str], bool] = is_installed) -> None:
+    """See to it that all that a run needs is installed.
 
     Raises:
         MissingExtraError: Naming the packages and the extras to install.
@@ -24,7 +30,7 @@ def check_extras(settings: RunSettings) -> None:
     lacking = {
         extra: missing
         for extra in needed
-        if (missing := [name for name in _PACKAGES[extra] if find_spec(name) is None])
+        if (missing := [name for name in _PACKAGES[extra] if not installed(name)])
     }
     if lacking:
         packages = sorted({name for names in lacking.values() for name in names})

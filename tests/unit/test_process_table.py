@@ -4,7 +4,6 @@ import sys
 
 import pytest
 
-from services.launcher.extras import check_extras
 from services.launcher.processes import process_table
 from services.launcher.settings import RunSettings
 
@@ -64,7 +63,3 @@ def test_services_agree_on_what_concerns_several():
 )
 def test_the_simulator_knows_when_to_finish(settings, ticks):
     assert flag(table(**settings)["simulator"], "max-ticks") == (ticks,)
-
-
-def test_all_that_a_run_needs_is_installed_here():
-    check_extras(RunSettings())
