@@ -18,7 +18,9 @@ _EXCLUSIVE = -0.25 / (_SUBPIXELS * _SUBPIXELS)  # between zero and the next edge
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def to_camera(
-    vertices_world_m: FloatArray, T_world_camera: FloatArray, vertices_camera_m: FloatArray
+    vertices_world_m: NDArray[np.floating],
+    T_world_camera: FloatArray,
+    vertices_camera_m: FloatArray,
 ) -> None:
     """Fill `vertices_camera_m` (V, 3) with the (V, 3) world points seen from the camera."""
     R, t = T_world_camera[:3, :3], T_world_camera[:3, 3]
