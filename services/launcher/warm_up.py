@@ -1,19 +1,42 @@
 """Compiles the numba kernels once, here, before a dozen processes would each do it at once."""
 
 import hashlib
-import importlib
+import platform
+import sys
 import time
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 
 _SERVICES = Path(__file__).parents[1]
 _KERNELS = _SERVICES / "kernels"
-# Each has a function `warm_up` that runs its kernels on tiny arrays of the types it uses.
-_USERS = {
-    "the object": "services.world.warm_up",
-    "the cameras": "services.camera.warm_up",
-    "the mapper": "services.mapper.warm_up",
-}
+
+
+def _object() -> None:
+    import numpy as np
+
+    from schemas.sim import DeformationSpec
+    from services.world.deformation import deformed
+
+    rest = np.zeros((3, 3), np.float32)
+    rest.setflags(write=False)  # As a scene's is, which is another type to numba.
+    deformed(rest, 1.0, [DeformationSpec(kind="bend", amplitude=0, hz=0)], 0.0)
+
+
+def _cameras() -> None:
+    from services.camera.warm_up import warm_up
+
+    warm_up()
+
+
+def _mapper() -> None:
+    from services.mapper.warm_up import warm_up
+
+    warm_up()
+
+
+# Each runs the kernels of a service on tiny arrays of the types it uses.
+_USERS = {"object": _object, "cameras": _cameras, "mapper": _mapper}
 
 
 def warm_up(say: Callable[[str], None]) -> None:
@@ -26,9 +49,9 @@ def warm_up(say: Callable[[str], None]) -> None:
     if stamp.exists():
         return
     say("compiling kernels; only the first start takes this minute")
-    for number, (what, module) in enumerate(_USERS.items(), start=1):
+    for number, (what, run) in enumerate(_USERS.items(), start=1):
         began_s = time.monotonic()
-        importlib.import_module(module).warm_up()
+        run()
         say(f"  {number}/{len(_USERS)} {what}: {time.monotonic() - began_s:.1f} s")
     try:
         stamp.parent.mkdir(exist_ok=True)
@@ -43,11 +66,17 @@ def _stamp() -> Path:
     It lies beside numba's cache, to be removed along with it, and its name tells the sources,
     the versions and the processor, as any of them makes numba compile anew.
     """
-    import numba
-    from llvmlite import binding  # type: ignore[import-untyped]
-
     sources = [*sorted(_KERNELS.glob("*.py")), *sorted(_SERVICES.glob("*/warm_up.py"))]
-    digest = hashlib.sha256(f"{numba.__version__} {binding.get_host_cpu_name()}".encode())
+    digest = hashlib.sha256(f"{version('numba')} {sys.version} {_processor()}".encode())
     for source in sources:
         digest.update(source.read_bytes())
     return _KERNELS / "__pycache__" / f"compiled-{digest.hexdigest()[:16]}"
+
+
+def _processor() -> str:
+    """Return what tells this processor from others, without numba: that alone takes 0.5 s."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    return " ".join(sorted({line for line in lines if line.startswith(("model name", "flags"))}))
