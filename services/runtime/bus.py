@@ -37,7 +37,8 @@ class Bus:
 
     Nothing that a sender does can block or stop a receiver: zenoh's thread only fills a ring, a
     thread of ours moves samples to an `Inbox`, and whoever reads decodes. Close it, best by
-    `with`: an open session keeps the interpreter from ending.
+    `with`: an open session keeps the interpreter from ending. Others see the service as there
+    when its loop runs, or `presence.announce` is called.
     """
 
     def __init__(self, settings: BusSettings, service: str, instance: str | None = None) -> None:

@@ -129,7 +129,8 @@ class Loop:
         return self.stages.stage(name)
 
     def run(self) -> None:
-        """Handle what comes until `stop`."""
+        """Announce the service, then handle what comes until `stop`."""
+        self.bus.presence.announce()
         while not self._stopped.is_set():
             due_s = self._timers[0].due_s
             now_s = time.monotonic()

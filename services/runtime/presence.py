@@ -10,15 +10,21 @@ _RING = 256  # Changes that may wait for the one thread that passes them on.
 
 
 class Presence:
-    """A session's own token, and the view of the others'.
+    """A session's own token, once announced, and the view of the others'.
 
     A token vanishes with its process: at once when it is killed, after the lease when it freezes.
     """
 
     def __init__(self, session: zenoh.Session, address: str) -> None:
         service, _, instance = address.partition("/")
+        self._key = f"{_ROOT}/{service}/{instance or 0}"
         self._liveliness = session.liveliness()
-        self._token = self._liveliness.declare_token(f"{_ROOT}/{service}/{instance or 0}")
+        self._token: zenoh.LivelinessToken | None = None
+
+    def announce(self) -> None:
+        """Show that this service is there: when it listens, and not before."""
+        if self._token is None:
+            self._token = self._liveliness.declare_token(self._key)
 
     def watch(self, service: str, put: Callable[[str, bool], None]) -> Callable[[], None]:
         """Call `put(instance, alive)` for every instance that is there, comes or goes.

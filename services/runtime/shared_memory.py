@@ -10,6 +10,7 @@ logger = logging.getLogger(__name__)
 
 MIN_BYTES = 16 << 10  # Below this a copy through the socket costs no more than the segment.
 _MIB = 1 << 20
+_POLICY = zenoh.shm.GarbageCollect()  # Free what readers have let go; never wait for a slow one.
 
 
 class SharedPool:
@@ -32,7 +33,7 @@ class SharedPool:
         """Whether payloads went by shared memory; None before the first large one."""
         return None if not self.used + self.missed else self.used > 0
 
-    def wrap(self, encoded: Encoded) -> zenoh.ZBytes | None:
+    def wrap(self, encoded: Encoded) -> zenoh.shm.ZShmMut | None:
         """Copy a payload into shared memory; None when it is small or no room is to be had."""
         if len(encoded) < MIN_BYTES or not self._wanted_mib:
             return None
@@ -43,17 +44,29 @@ class SharedPool:
             self.missed += 1
             return None
         header, body = encoded.header, encoded.body
-        try:
-            # GarbageCollect frees what readers have let go; it never waits for a slow one.
-            chunk = self._provider.alloc(len(encoded), zenoh.shm.GarbageCollect())
-        except zenoh.ZError:
+        chunk = _alloc(self._provider, len(encoded))
+        if chunk is None:
             self.missed += 1
             return None
         chunk[: len(header)] = header
         # zenoh takes bytes and bytearray here, and nothing else with a buffer.
         chunk[len(header) : len(encoded)] = bytes(body) if isinstance(body, memoryview) else body
         self.used += 1
-        return zenoh.ZBytes(chunk)
+        return chunk
+
+
+def _alloc(provider: zenoh.shm.ShmProvider, size: int) -> zenoh.shm.ZShmMut | None:
+    try:
+        return provider.alloc(size, _POLICY)
+    except zenoh.ZError:
+        pass
+    # The holes that readers left are too small one by one: a header grows by a byte now and then.
+    provider.garbage_collect()
+    provider.defragment()
+    try:
+        return provider.alloc(size, _POLICY)
+    except zenoh.ZError:
+        return None
 
 
 def _open_provider(wanted_mib: int) -> zenoh.shm.ShmProvider | None:

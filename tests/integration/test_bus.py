@@ -181,6 +181,8 @@ def test_liveliness_tells_who_comes_and_who_goes(open_bus: OpenBus) -> None:
     loop.on_alive("camera", note)
     with running(loop), changed:
         camera = open_bus("camera", "3")
+        assert "camera/3" not in watcher.presence.everybody()
+        camera.presence.announce()
         assert changed.wait_for(lambda: ("3", True) in seen, 10)
         assert "camera/3" in watcher.presence.everybody()
         camera.close()
