@@ -1,7 +1,8 @@
 """The brick store: 8^3 voxels of log-odds, held in memory only where a brick is not uniform.
 
-A brick is either *uniform* (one value for its 512 voxels, `slot == UNIFORM`) or *open* (512 values in
-a slot of the pool). Unknown and wholly free space therefore costs one number per brick, in memory and in time.
+A brick is either *uniform* (one value for its 512 voxels, `slot == UNIFORM`) or *open* (512 values
+in a slot of the pool). Unknown and wholly free space costs one number per brick, in memory and in
+time.
 """
 
 from typing import NamedTuple

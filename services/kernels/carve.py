@@ -33,7 +33,12 @@ def cull(bricks, T, half, camera, size, tiles, edge, scan, low, margin, out):  #
     nx, ny, nz = bricks.shape
     height, width = size
     fx, fy, cx, cy = camera
-    one, zero, last_u, last_v = np.float32(1), np.float32(0), np.float32(width - 1), np.float32(height - 1)
+    one, zero, last_u, last_v = (
+        np.float32(1),
+        np.float32(0),
+        np.float32(width - 1),
+        np.float32(height - 1),
+    )
     # Taken out of the tuple once: numba counts references at every access.
     slots, values, hit_scan = bricks.slot, bricks.value, bricks.hit_scan
     far = zero
@@ -153,9 +158,10 @@ def carve(bricks, first, count, listed, offsets, sights, camera, size, scan, mis
     """Free the voxels of the listed bricks that the image sees beyond; write `bricks` in place.
 
     Args:
-        listed: what `cull` wrote. offsets: (3, 512) float32, voxels of a brick, camera frame, m.
-        sights: reach (m, float32) in windows of 1.. pixels (N, P) and its row pitch, then in windows
-            of 1.. cells of 2x2 pixels, likewise.
+        listed: what `cull` wrote.
+        offsets: (3, 512) float32, voxels of a brick, camera frame, m.
+        sights: reach (m, float32) in windows of 1.. pixels (N, P) and its row pitch, then in
+            windows of 1.. cells of 2x2 pixels, likewise.
 
     Returns:
         The list index to go on with: count when done, less if the pool is exhausted.

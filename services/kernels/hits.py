@@ -21,7 +21,7 @@ def hit_voxel(stamp, log_odds, slot, local, scan, hit, low, high):  # type: igno
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def row_voxels(depth, limit, du, row, offset, shape, out):  # type: ignore[no-untyped-def]
-    """Write the address (brick * 512 + voxel) that each pixel of one image row ends in, -1 for none.
+    """Write the address (brick * 512 + voxel) that each pixel of a row ends in, -1 for none.
 
     The voxel coordinates of pixel u are depth * (u * du + row) + offset; all float32 (3,).
 
@@ -70,11 +70,11 @@ def hit_pixels(bricks, depth, first, limit, du, dv, corner, offset, scan, hit, l
 
     Args:
         depth: (H, W) uint16. limit: the last raw depth that counts as a return.
-        du, dv, corner: (3,) float32, voxels per raw depth, per pixel u, per pixel v, at pixel (0, 0).
+        du, dv, corner: (3,) float32, voxels per raw depth: per pixel u, per v, at pixel (0, 0).
         offset: (3,) float32, the camera in voxels.
 
     Returns:
-        The row to go on with (H when done; earlier if the pool is exhausted) and the number of hits.
+        The row to go on with (H when done; earlier if the pool is exhausted) and the hits.
         A row may be repeated: a voxel is stamped by the scan that hit it.
     """
     height, width = depth.shape

@@ -1,7 +1,8 @@
-"""How far a depth image sees, at every footprint: sliding maxima at half resolution, and 8x8 pixel tiles.
+"""How far a depth image sees, at every footprint: sliding maxima, and tiles of 8x8 pixels.
 
-OctoMap frees a voxel if *any* ray crosses it. A voxel that covers w pixels is therefore tested against the
-farthest return in a window of w pixels around its centre. Raw depths are integers throughout, so SIMD is wide.
+OctoMap frees a voxel if *any* ray crosses it. A voxel that covers w pixels is therefore tested
+against the farthest return in a window of w pixels around its centre. Raw depths are integers
+throughout, so SIMD is wide.
 """
 
 import numpy as np
@@ -94,7 +95,7 @@ def widen_to_odd(source, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def to_metres(raw, scale, out):  # type: ignore[no-untyped-def]
-    """Write raw * scale into the upper left of out (float32), so that every level has one row pitch."""
+    """Write raw * scale into the upper left of out (float32): all levels have one row pitch."""
     for v in range(raw.shape[0]):
         row, target = raw[v], out[v]
         for u in range(raw.shape[1]):

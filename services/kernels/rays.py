@@ -1,7 +1,8 @@
 """Exact rays: OctoMap's traversal, voxel for voxel, clipped to the box.
 
-Source: Amanatides & Woo, A Fast Voxel Traversal Algorithm for Ray Tracing, 1987, in the arithmetic of
-OctoMap's `computeRayKeys` (single precision ends, double precision steps), so that both visit the same voxels.
+Source: Amanatides & Woo, A Fast Voxel Traversal Algorithm for Ray Tracing, 1987, in the arithmetic
+of OctoMap's `computeRayKeys` (single precision ends, double precision steps), so that both visit
+the same voxels.
 """
 
 import numpy as np
@@ -17,7 +18,22 @@ LEAD = 3.0
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def hit_points(bricks, points, origin, key0, resolution, discretize, max_range, scan, hit, low, high, first, ends, kept):  # type: ignore[no-untyped-def]
+def hit_points(  # type: ignore[no-untyped-def]
+    bricks,
+    points,
+    origin,
+    key0,
+    resolution,
+    discretize,
+    max_range,
+    scan,
+    hit,
+    low,
+    high,
+    first,
+    ends,
+    kept,
+):
     """Add one hit to every voxel a point ends in and list the ends of the rays; write in place.
 
     Args:
@@ -27,7 +43,7 @@ def hit_points(bricks, points, origin, key0, resolution, discretize, max_range, 
         first: the point to go on with. ends: (N, 3) float32, written. kept: rows of `ends` in use.
 
     Returns:
-        The point to go on with (N when done), rows of `ends` in use, hits, points skipped as not finite.
+        The point to go on with (N when done), rows of `ends` in use, hits, points skipped.
     """
     nx, ny, nz = bricks.shape[0] * 8, bricks.shape[1] * 8, bricks.shape[2] * 8
     inverse = 1.0 / resolution
@@ -113,7 +129,7 @@ def enters(key, step, t_max, t_delta, shape, length, resolution):  # type: ignor
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def miss_rays(bricks, ends, first, count, origin, key0, resolution, scan, miss, low, high):  # type: ignore[no-untyped-def]
-    """Add one miss to every voxel that a ray crosses before its end and that this scan has not touched.
+    """Add one miss to every voxel that a ray crosses before its end, once in this scan.
 
     Args:
         ends: (N, 3) float32, m, of which `count` are used, from `first`. origin: (3,) float32, m.

@@ -77,8 +77,12 @@ class Box:
         """Return the (N, 3) voxel each point (map frame, m) lies in; may lie outside the box."""
         lattice = np.floor(points_m * (1.0 / self.resolution_m))
         finite = np.nan_to_num(lattice, nan=-1e15, posinf=1e15, neginf=-1e15)
-        return np.clip(finite, -1e15, 1e15).astype(np.int64) - np.asarray(self.first_key)
+        keys: NDArray[np.int64] = np.clip(finite, -1e15, 1e15).astype(np.int64)
+        return keys - np.asarray(self.first_key, np.int64)
 
     def centres_m(self, voxels: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the (N, 3) centres of voxels, map frame, m."""
-        return (voxels + np.asarray(self.first_key) + 0.5) * self.resolution_m
+        centres: NDArray[np.float64] = (
+            voxels + np.asarray(self.first_key) + 0.5
+        ) * self.resolution_m
+        return centres

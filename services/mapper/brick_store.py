@@ -1,4 +1,4 @@
-"""Owner of the bricks' memory: a directory for the whole box, a pool that grows with what is seen."""
+"""Owner of the bricks' memory: a directory of the box, a pool that grows with what is seen."""
 
 import math
 

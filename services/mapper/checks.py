@@ -64,7 +64,9 @@ def depth_image(depth: Any, scale_m: float, max_range_m: float) -> NDArray[np.ui
     return np.ascontiguousarray(depth)
 
 
-def points(points_m: ArrayLike, origin_m: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def points(
+    points_m: ArrayLike, origin_m: ArrayLike
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return points and the origin of their rays in single precision, as OctoMap takes them.
 
     Raises:

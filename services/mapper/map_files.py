@@ -19,8 +19,8 @@ class StoredMap(NamedTuple):
 
     box: Box
     sensor: SensorModel
-    index: NDArray[np.int16]
-    """(M, 3) bricks."""
+    bricks: NDArray[np.int16]
+    """(M, 3) indices."""
     log_odds: NDArray[np.int16]
     """(M, 512) in 1/8192; -32768 is unknown."""
 
@@ -35,7 +35,7 @@ def write_npz(path: Path, stored: StoredMap) -> None:
         first_key=np.asarray(stored.box.first_key, np.int64),
         num_bricks=np.asarray(stored.box.num_bricks, np.int64),
         sensor=np.array([sensor.hit, sensor.miss, sensor.min, sensor.max]),
-        index=stored.index,
+        bricks=stored.bricks,
         log_odds=stored.log_odds,
     )
 
@@ -55,15 +55,15 @@ def read_npz(path: Path) -> StoredMap:
             stored = StoredMap(
                 Box(float(archive["resolution_m"]), (i, j, k), (bx, by, bz)),
                 SensorModel(*(float(value) for value in archive["sensor"])),
-                archive["index"],
+                archive["bricks"],
                 archive["log_odds"],
             )
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+    except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
         raise BadMapFile(f"{path} is no map of ours: {error}") from error
-    rows = len(stored.index)
-    inside = stored.index.shape == (rows, 3) and stored.log_odds.shape == (rows, 512)
-    if not inside or (stored.index < 0).any() or (stored.index >= stored.box.num_bricks).any():
-        raise BadMapFile(f"{path}: bricks {stored.index.shape} do not lie in {stored.box}")
+    rows = len(stored.bricks)
+    inside = stored.bricks.shape == (rows, 3) and stored.log_odds.shape == (rows, 512)
+    if not inside or (stored.bricks < 0).any() or (stored.bricks >= stored.box.num_bricks).any():
+        raise BadMapFile(f"{path}: bricks {stored.bricks.shape} do not lie in {stored.box}")
     return stored
 
 

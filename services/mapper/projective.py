@@ -1,6 +1,7 @@
-"""Fuse an organised cloud by projecting the map into the image: each voxel once, whole bricks at once.
+"""Fuse an organised cloud by projecting the map into the image: each voxel once, or whole bricks.
 
-OctoMap's update rules; free space is sampled at voxel centres over the voxel's footprint, not ray by ray.
+OctoMap's update rules; free space is sampled at voxel centres over the voxel's footprint, not ray
+by ray.
 """
 
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from services.mapper.sight import Sight
 NO_RETURN = 65535
 """A pixel that looked and saw nothing: free up to the maximum range."""
 FOOTPRINT = 1.25
-"""Window over a voxel's projected edge; tuned against OctoMap's free space (benchmarks/mapping.py)."""
+"""Window over a voxel's projected edge; fitted to OctoMap's free space (benchmarks/mapping.py)."""
 MARGIN = 0.5
 """Voxels that a return must lie behind a voxel's centre to free it."""
 
@@ -70,14 +71,24 @@ class ProjectiveIntegrator:
         du, dv = R[:, 0] * per_raw / fx, R[:, 1] * per_raw / fy
         corner = R[:, 2] * per_raw - du * cx - dv * cy
         offset = (view.T_map_camera[:3, 3] - self._box.origin_m) / resolution_m
-        affine = tuple(a.astype(np.float32) for a in (du, dv, corner, offset))
         hit, _, low, high = self._update
         row, total = 0, 0
         while True:
             row, count = hits.hit_pixels(
-                self._store.bricks, view.depth, row, limit, *affine, scan, hit, low, high
+                self._store.bricks,
+                view.depth,
+                row,
+                limit,
+                du.astype(np.float32),
+                dv.astype(np.float32),
+                corner.astype(np.float32),
+                offset.astype(np.float32),
+                scan,
+                hit,
+                low,
+                high,
             )
-            total += count
+            total += int(count)
             if row == len(view.depth):
                 return total
             self._store.grow()
@@ -89,21 +100,20 @@ class ProjectiveIntegrator:
         T[:, :3] = R_camera_map * (BRICK * resolution_m)
         T[:, 3] = R_camera_map @ (self._box.origin_m - view.T_map_camera[:3, 3])
         half_m = np.abs(R_camera_map).sum(axis=1) * ((BRICK - 1) / 2 * resolution_m)
-        return int(
-            carve.cull(
-                self._store.bricks,
-                T,
-                half_m.astype(np.float32),
-                np.asarray(view.pinhole, np.float32),
-                np.asarray(view.depth.shape, np.int64),
-                self._sight.tiles(),
-                np.float32(FOOTPRINT * view.pinhole[0] * resolution_m),
-                scan,
-                self._update[2],
-                np.float32(MARGIN * resolution_m),
-                self._listed,
-            )
+        count: int = carve.cull(
+            self._store.bricks,
+            T,
+            half_m.astype(np.float32),
+            np.asarray(view.pinhole, np.float32),
+            np.asarray(view.depth.shape, np.int64),
+            self._sight.tiles(),
+            np.float32(FOOTPRINT * view.pinhole[0] * resolution_m),
+            scan,
+            self._update[2],
+            np.float32(MARGIN * resolution_m),
+            self._listed,
         )
+        return count
 
     def _carve(self, view: View, count: int, scan: np.uint8) -> None:
         used = self._listed[3][:count][self._listed[1][:count] == carve.PART]

@@ -37,7 +37,9 @@ class SensorModel:
             )
         for name, value in (("min", self.min), ("max", self.max)):
             if abs(log_odds(value)) > _HIGHEST_LOG_ODDS:
-                raise BadSensorModel(f"{name} {value} must lie in 0.0180 .. 0.9820 (int16 log-odds)")
+                raise BadSensorModel(
+                    f"{name} {value} must lie in 0.0180 .. 0.9820 (int16 log-odds)"
+                )
 
     def fixed_point(self) -> tuple[int, int, int, int]:
         """Return hit, miss, min, max as log-odds in 1/8192."""

@@ -1,13 +1,14 @@
 """A probabilistic occupancy map of a box: fuse depth images or points, ask, forget, save.
 
-Update rules are OctoMap's (Hornung et al., Autonomous Robots 34, 2013): per scan one update per voxel, a hit
-beats a miss, log-odds are clamped, what no ray has told about is unknown, occupied is p >= 0.5.
+Update rules are OctoMap's (Hornung et al., Autonomous Robots 34, 2013): per scan one update per
+voxel, a hit beats a miss, log-odds are clamped, what no ray has told about is unknown, occupied is
+p >= 0.5.
 """
 
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from services.kernels import classes
 from services.kernels.bricks import UNKNOWN, VOXELS
 from services.mapper import checks, map_files
+from services.mapper.answers import Counts, Fused, Voxels
 from services.mapper.box import Box
 from services.mapper.brick_store import BrickStore
 from services.mapper.errors import BadDecay, BadMapFile, BadPoints
@@ -27,32 +29,6 @@ FORGOTTEN = LOG_ODDS_SCALE // 10
 _ROWS_PER_CALL = 128 * VOXELS
 _ENTROPY_SHIFT = 4  # a table of 4096 entries stays in the first cache; the error is below 1e-3 bit.
 Pinhole = tuple[float, float, float, float]
-
-
-class Fused(NamedTuple):
-    """What one scan did."""
-
-    num_hits: int
-    """Voxels that got a hit."""
-    num_skipped: int
-    """Points that were not finite."""
-
-
-class Counts(NamedTuple):
-    """Voxels of the box by class."""
-
-    unknown: int
-    free: int
-    occupied: int
-
-
-class Voxels(NamedTuple):
-    """Known voxels of one class."""
-
-    centres_m: NDArray[np.float64]
-    """(N, 3), map frame."""
-    probability: NDArray[np.float64]
-    """(N,) of being occupied."""
 
 
 class VoxelMap:
@@ -239,7 +215,7 @@ class VoxelMap:
         stored = map_files.read_npz(Path(path))
         loaded = cls.__new__(cls)
         loaded._build(stored.box, stored.sensor)
-        loaded._store.restore(stored.index, stored.log_odds)
+        loaded._store.restore(stored.bricks, stored.log_odds)
         return loaded
 
     def _checked(
