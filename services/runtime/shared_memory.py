@@ -62,7 +62,7 @@ def _alloc(provider: zenoh.shm.ShmProvider, size: int) -> zenoh.shm.ZShmMut | No
         pass
     # The holes that readers left are too small one by one: a header grows by a byte now and then.
     provider.garbage_collect()
-    provider.defragment()
+    provider.defragment()  # type: ignore[no-untyped-call]
     try:
         return provider.alloc(size, _POLICY)
     except zenoh.ZError:

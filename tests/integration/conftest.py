@@ -21,12 +21,24 @@ def endpoint() -> Iterator[str]:
 
 @pytest.fixture
 def open_bus(endpoint: str) -> Iterator[Callable[..., Bus]]:
-    """Open a session: `open_bus("camera", "3")`; closed when the test ends."""
+    """Open a session: `open_bus("camera", "3")`; closed when the test ends.
+
+    With `announce=True` the others see it at once, as they see a service whose loop runs.
+    """
     with ExitStack() as stack:
 
-        def open_one(service: str, instance: str | None = None, **settings: object) -> Bus:
-            bus_settings = BusSettings(connect=endpoint, shm_pool_mib=4, **settings)
-            return stack.enter_context(Bus(bus_settings, service, instance))
+        def open_one(
+            service: str,
+            instance: str | None = None,
+            *,
+            announce: bool = False,
+            namespace: str = "",
+        ) -> Bus:
+            settings = BusSettings(connect=endpoint, shm_pool_mib=4, namespace=namespace)
+            bus = stack.enter_context(Bus(settings, service, instance))
+            if announce:
+                bus.presence.announce()
+            return bus
 
         yield open_one
 

@@ -74,13 +74,17 @@ class Partners:
         self.cameras: list[ExitStack] = []
         """Close one and its process is gone."""
         self._seen = threading.Condition()
-        planner, mapper = open_bus("planner"), open_bus("mapper")
+        planner = open_bus("planner", announce=True)
+        mapper = open_bus("mapper", announce=True)
         self._loop(planner, stack).on(
             TARGET_POSE, lambda r: self._plan(planner, r.message, cameras)
         )
         self._loop(mapper, stack).on(SIM_STATE, lambda r: self._fuse(mapper, r.message))
         for camera in range(cameras):
-            bus, own = open_bus("camera", str(camera)), stack.enter_context(ExitStack())
+            bus, own = (
+                open_bus("camera", str(camera), announce=True),
+                stack.enter_context(ExitStack()),
+            )
             own.callback(bus.close)
             self._loop(bus, own).on(SIM_STATE, self._camera(bus, camera))
             self.cameras.append(own)
@@ -179,7 +183,7 @@ def test_before_all_are_there_the_clock_waits_and_names_them(open_bus: OpenBus) 
     with running(loop), watcher.subscribe(TARGET_POSE) as poses:
         assert poses.get(WAIT_S).message.tick == 0
         wait_for_clock(watcher, "waiting", ("camera/0", "mapper", "planner"))
-        open_bus("mapper")
+        open_bus("mapper", announce=True)
         wait_for_clock(watcher, "waiting", ("camera/0", "planner"))
 
 
