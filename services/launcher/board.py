@@ -83,13 +83,12 @@ class Board:
 
     def missing(self, now_s: float) -> str:
         """Say what the run is waiting for; empty when it flows."""
-        unwell = [
-            f"{name} is {health}"
-            for name in self.children
-            if (health := self.health(name, now_s)) not in ("up", "finished")
-        ]
+        unwell: dict[str, list[str]] = {}
+        for name in self.children:
+            if (health := self.health(name, now_s)) not in ("up", "finished"):
+                unwell.setdefault(health, []).append(name)
         if unwell:
-            return ", ".join(unwell)
+            return "; ".join(f"{health}: {', '.join(who)}" for health, who in unwell.items())
         if self.clock is None:
             return "the simulator has not said anything yet"
         if self.clock.state == "waiting" and self.clock.waiting_for:

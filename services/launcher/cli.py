@@ -61,7 +61,7 @@ def _run(args: Sequence[str]) -> int:
     from services.launcher.errors import LauncherError, SettingsError
     from services.launcher.flags import parse_run
 
-    console = Console(highlight=False)
+    console = Console(highlight=False, soft_wrap=True)
     try:
         settings = parse_run(args, os.environ)
         from services.launcher.run import run

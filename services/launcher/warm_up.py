@@ -13,14 +13,9 @@ _KERNELS = _SERVICES / "kernels"
 
 
 def _object() -> None:
-    import numpy as np
+    from services.world.warm_up import warm_up
 
-    from schemas.sim import DeformationSpec
-    from services.world.deformation import deformed
-
-    rest = np.zeros((3, 3), np.float32)
-    rest.setflags(write=False)  # As a scene's is, which is another type to numba.
-    deformed(rest, 1.0, [DeformationSpec(kind="bend", amplitude=0, hz=0)], 0.0)
+    warm_up()
 
 
 def _cameras() -> None:

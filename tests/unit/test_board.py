@@ -121,7 +121,7 @@ def test_what_is_missing_is_named(board):
     board.clock = clock()
     assert board.missing(1.0) == "no instant has been fused yet"
     board.children["planner"].state = "failed"
-    assert board.missing(1.0) == "planner is given up"
+    assert board.missing(1.0) == "given up: planner"
 
 
 def test_the_stream_of_a_service_is_the_one_it_is_judged_by(board):
