@@ -61,7 +61,7 @@ def depth_image(depth: Any, scale_m: float, max_range_m: float) -> NDArray[np.ui
     for name, value in (("depth scale", scale_m), ("maximum range", max_range_m)):
         if not (math.isfinite(value) and value > 0.0):
             raise BadDepth(f"{name} {value} m must be positive and finite")
-    return np.ascontiguousarray(depth)
+    return _read_only(np.ascontiguousarray(depth))
 
 
 def points(
@@ -79,4 +79,11 @@ def points(
         raise BadPoints(f"points have shape {cloud.shape}; it must be (N, 3)")
     if origin.shape != (3,) or not np.isfinite(origin).all() or np.abs(origin).max() > 1e6:
         raise BadPoints(f"ray origin {origin.tolist()} m must be x, y, z within 1e6 m")
-    return cloud, origin
+    return _read_only(cloud), origin
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """Return a read-only view: what comes off the bus is, and numba compiles for one of the two."""
+    view = array.view()
+    view.setflags(write=False)
+    return view

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from services.kernels import classes
-from services.kernels.bricks import UNKNOWN, VOXELS
+from services.kernels.bricks import UNKNOWN
 from services.mapper import checks, map_files
 from services.mapper.answers import Counts, Fused, Voxels
 from services.mapper.box import Box
@@ -22,11 +22,11 @@ from services.mapper.brick_store import BrickStore
 from services.mapper.errors import BadDecay, BadMapFile, BadPoints
 from services.mapper.exact import ExactIntegrator
 from services.mapper.projective import ProjectiveIntegrator, View
+from services.mapper.published import Published
 from services.mapper.sensor_model import LOG_ODDS_SCALE, SensorModel
 
 FORGOTTEN = LOG_ODDS_SCALE // 10
 """Log-odds (fixed point) below which decay makes a voxel unknown: |p - 0.5| < 0.025."""
-_ROWS_PER_CALL = 128 * VOXELS
 _ENTROPY_SHIFT = 4  # a table of 4096 entries stays in the first cache; the error is below 1e-3 bit.
 Pinhole = tuple[float, float, float, float]
 
@@ -52,10 +52,7 @@ class VoxelMap:
         self._store = BrickStore(box.num_bricks)
         self._projective = ProjectiveIntegrator(box, self._store, sensor)
         self._exact = ExactIntegrator(box, self._store, sensor)
-        # Zeroed pages cost nothing until a brick becomes mixed and is written.
-        self._published = np.zeros((self._store.bricks.slot.size, VOXELS), np.uint8)
-        self._published_value = np.zeros(self._store.bricks.slot.size, np.uint8)
-        self._rows = np.empty((_ROWS_PER_CALL, 4), np.int16)
+        self._published = Published(self._store)
         levels = (np.arange(0, 65536, 1 << _ENTROPY_SHIFT) + UNKNOWN) / LOG_ODDS_SCALE
         p = 1.0 / (1.0 + np.exp(-levels))
         self._bits = (-p * np.log2(p) - (1 - p) * np.log2(1 - p)).astype(np.float32)
@@ -145,13 +142,7 @@ class VoxelMap:
 
     def changes(self) -> NDArray[np.int16]:
         """Return (N, 4) rows i, j, k, class of voxels whose class changed since the last call."""
-        parts, brick, total = [], 0, self._store.bricks.slot.size
-        while brick < total:
-            brick, count = classes.publish(
-                self._store.bricks, self._published, self._published_value, brick, self._rows
-            )
-            parts.append(self._rows[:count].copy())
-        return np.concatenate(parts) if len(parts) > 1 else parts[0]
+        return self._published.changes()
 
     def decay(self, dt_s: float, half_life_s: float) -> None:
         """Halve the log-odds every half_life_s: what is not seen again becomes unknown.
@@ -180,6 +171,10 @@ class VoxelMap:
     def known_bricks(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
         """Return (M, 3) indices and (M, 512) log-odds (1/8192; -32768 unknown) of known bricks."""
         return self._store.known()
+
+    def published_bricks(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+        """Return known bricks as `known_bricks` does, with the classes of the last `changes`."""
+        return self._published.bricks(self.sensor)
 
     @property
     def num_bytes(self) -> int:

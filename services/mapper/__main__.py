@@ -1,0 +1,10 @@
+"""`python -m services.mapper`."""
+
+from services.mapper.service import MapperService
+from services.mapper.settings import MapperSettings
+from services.mapper.warm_up import warm_up
+from services.runtime.service import main
+
+if __name__ == "__main__":
+    warm_up()  # Takes a moment: before the bus knows us, and the simulator waits for us.
+    main(MapperSettings, "mapper", MapperService)

@@ -1,0 +1,81 @@
+"""One instant after the other: clouds in the world become a map of the box."""
+
+import time
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from schemas.cloud import INVALID, NO_RETURN, Cloud, DepthCloud
+from services.kernels.rigid import apply, inverse
+from services.mapper.voxel_map import VoxelMap
+
+Memory = Literal["persistent", "instant", "decay"]
+Frame = Literal["world", "target"]
+
+
+class MemorySettings(BaseModel):
+    """What becomes of what was seen before."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    memory: Memory = "instant"
+    half_life_s: Annotated[float, Field(gt=0, le=1e6)] = 1.0
+
+
+class Fusion:
+    """The map, the instant at hand, and the map frame's pose in it.
+
+    `instant` knows this instant's clouds alone, `decay` forgets by half-life, `persistent` is
+    OctoMap: never.
+    """
+
+    def __init__(self, voxel_map: VoxelMap, memory: MemorySettings) -> None:
+        self.voxel_map, self.memory = voxel_map, memory
+        self.T_world_map: NDArray[np.float64] = np.eye(4)
+        self.num_returns, self.fuse_s = 0, 0.0
+        self.used: tuple[int, ...] = ()
+        self._t_ns: int | None = None
+
+    def begin(self, t_ns: int, T_world_map: NDArray[np.float64]) -> None:
+        """Begin an instant, with the map frame where it is then."""
+        began_s = time.perf_counter()
+        dt_s = 0.0 if self._t_ns is None else max(t_ns - self._t_ns, 0) * 1e-9
+        match self.memory.memory:
+            case "instant":
+                self.voxel_map.clear()
+            case "decay":
+                self.voxel_map.decay(dt_s, self.memory.half_life_s)
+            case "persistent":
+                pass
+        self._t_ns, self.T_world_map = t_ns, T_world_map
+        self.num_returns, self.used = 0, ()
+        self.fuse_s = time.perf_counter() - began_s
+
+    def fuse(self, cloud: Cloud) -> None:
+        """Fuse one cloud of the instant.
+
+        Raises:
+            MapperError: The map is as it was.
+        """
+        began_s = time.perf_counter()
+        T_map_camera = inverse(self.T_world_map) @ cloud.pose.matrix()
+        if isinstance(cloud, DepthCloud):
+            k, depth = cloud.intrinsics, cloud.array
+            self.voxel_map.fuse_depth(
+                depth,
+                (k.fx, k.fy, k.cx, k.cy),
+                T_map_camera,
+                cloud.depth_scale_m,
+                cloud.max_range_m,
+            )
+            self.num_returns += int(np.count_nonzero((depth != INVALID) & (depth != NO_RETURN)))
+        else:
+            points = cloud.array
+            fused = self.voxel_map.fuse_points(
+                apply(T_map_camera, points), T_map_camera[:3, 3], cloud.max_range_m
+            )
+            self.num_returns += len(points) - fused.num_skipped
+        self.used = (*self.used, cloud.camera)
+        self.fuse_s += time.perf_counter() - began_s
