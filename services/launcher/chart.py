@@ -4,13 +4,14 @@ from pathlib import Path
 
 from services.launcher.report import Record
 
-# Okabe & Ito, 2008: told apart by the colour-blind as well.
+# Colours of Okabe & Ito, 2008: told apart by the colour-blind as well. The first curve is wide,
+# as it and precision are often 1 both.
 _CURVES = (
-    ("coverage_visible", "coverage of what is visible now", "#009E73"),
-    ("coverage_observable", "coverage of what is observable", "#56B4E9"),
-    ("coverage", "coverage of the whole surface", "#0072B2"),
-    ("precision", "precision", "#D55E00"),
-    ("f_score", "F-score", "#000000"),
+    ("coverage_visible", "coverage of what is visible now", "#009E73", 4.0),
+    ("coverage_observable", "coverage of what is observable", "#56B4E9", 1.6),
+    ("coverage", "coverage of the whole surface", "#0072B2", 1.6),
+    ("precision", "precision", "#D55E00", 1.6),
+    ("f_score", "F-score", "#000000", 1.6),
 )
 _INK, _GRID = "#333333", "#DDDDDD"
 
@@ -30,18 +31,19 @@ def draw(record: Record, path: Path, title: str) -> None:
     times_s = [quality.t_ns * 1e-9 for quality in record.qualities]
     scores = [quality.stamp_true[1] for quality in record.qualities]
     lowest = 1.0
-    for name, label, colour in _CURVES:
+    for name, label, colour, width in _CURVES:
         values = [getattr(score, name) for score in scores]
         mean = sum(values) / len(values) if values else 0.0
-        axes.plot(times_s, values, color=colour, lw=1.6, label=f"{label}, mean {mean:.1%}")
+        axes.plot(times_s, values, color=colour, lw=width, label=f"{label}, mean {mean:.1%}")
         lowest = min([lowest, *values])
     tolerance_mm = scores[-1].tolerance_m * 1e3 if scores else 0.0
     axes.set_title(title, loc="left", color=_INK, fontsize=12, fontweight="bold")
     axes.set_xlabel("simulated time, s", color=_INK)
     axes.set_ylabel(f"share within {tolerance_mm:g} mm", color=_INK)
-    axes.set_ylim(max(0.0, lowest - 0.05), 1.005)
+    room = 0.1 * (1.0 - lowest) + 0.002
+    axes.set_ylim(max(0.0, lowest - room), 1.0 + room)
     axes.margins(x=0.01)
-    axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.grid(color=_GRID, lw=0.8)
     axes.set_axisbelow(True)
     axes.tick_params(colors=_INK, length=0)

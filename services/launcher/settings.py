@@ -56,7 +56,7 @@ class RunSettings(BaseModel):
 
     voxel_size: Annotated[float, Field(gt=0, le=1)] = 0.01
     """Edge of a voxel, metres."""
-    memory: Literal["persistent", "instant", "decay"] = "decay"
+    memory: Literal["persistent", "instant", "decay"] = "instant"
     """What the map keeps: all, this instant only, or with a half-life."""
     frame: Literal["target", "world"] = "target"
     """Frame of the map."""
