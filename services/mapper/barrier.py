@@ -46,6 +46,11 @@ class Barrier(Generic[T]):
         self._closed = -1
 
     @property
+    def alive(self) -> tuple[int, ...]:
+        """Cameras that are there, whether waited for or not."""
+        return tuple(sorted(self._alive))
+
+    @property
     def open_tick(self) -> int | None:
         """The tick that is being collected, if any."""
         return min(self._pending, default=None)
@@ -99,6 +104,7 @@ class Barrier(Generic[T]):
                 if camera in clouds:
                     steps.append(Take(tick, camera, clouds.pop(camera)))
                     self._taken.append(camera)
+                    self._closed = tick - 1  # Fusing has begun: whatever is older is late.
                 elif camera not in self._failed and self._newest.get(camera, -1) < tick:
                     return steps
             used = tuple(self._taken)

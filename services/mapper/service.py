@@ -154,6 +154,7 @@ class MapperService:
         voxel_map, memory = self._fusion.voxel_map, self._fusion.memory
         return {
             "rev": self._reporter.rev,
+            "cameras": list(self._barrier.alive),
             "frame": self._settings.frame,
             "voxel_size": voxel_map.box.resolution_m,
             "origin_m": voxel_map.box.origin_m.tolist(),
