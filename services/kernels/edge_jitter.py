@@ -75,8 +75,11 @@ def jitter_edges(
         for u in range(width):
             if not marks[v, u] & _EDGE:
                 continue
-            for y in range(max(v - _REACH, 0), min(v + _REACH + 1, height)):
-                for x in range(max(u - _REACH, 0), min(u + _REACH + 1, width)):
+            # What lies around an edge pixel to the left or above is done already.
+            first_x = u + _REACH if u > 0 and marks[v, u - 1] & _EDGE else max(u - _REACH, 0)
+            first_y = v + _REACH if v > 0 and marks[v - 1, u] & _EDGE else max(v - _REACH, 0)
+            for y in range(first_y, min(v + _REACH + 1, height)):
+                for x in range(first_x, min(u + _REACH + 1, width)):
                     if marks[y, x] & _DONE:
                         continue
                     marks[y, x] |= _DONE

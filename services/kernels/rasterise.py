@@ -51,85 +51,81 @@ def rasterise(
         depth_m: (H, W) depth along the optical axis, inf = nothing; updated in place.
         triangle: (H, W) row of `faces` seen; updated in place with `depth_m`.
     """
-    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     num_vertices = vertices_camera_m.shape[0]
     screen = np.empty((num_vertices, 3))
     for i in range(num_vertices):
-        _project(vertices_camera_m[i], fx, fy, cx, cy, screen[i])
-    polygon, plane = np.empty((4, 3)), np.empty(3)
+        _project(vertices_camera_m, i, intrinsics, screen)
+    # Corners go by index and `_plane` is inlined: counted slices and calls cost 6x its arithmetic.
+    cut, cut_screen, plane = np.empty((4, 3)), np.empty((4, 3)), np.empty(3)
     for f in range(faces.shape[0]):
         # The image's y points down, so that the outside's counter-clockwise becomes a, c, b.
         a, b, c = faces[f, 0], faces[f, 2], faces[f, 1]
-        if not _plane(
-            vertices_camera_m[a], vertices_camera_m[b], vertices_camera_m[c], intrinsics, plane
-        ):
+        if not _plane(vertices_camera_m, a, b, c, intrinsics, plane):
             continue
         za, zb, zc = vertices_camera_m[a, 2], vertices_camera_m[b, 2], vertices_camera_m[c, 2]
         if za >= near_m and zb >= near_m and zc >= near_m:
-            _draw(screen[a], screen[b], screen[c], plane, f, depth_m, triangle)
+            _draw(screen, a, b, c, plane, f, depth_m, triangle)
         elif za >= near_m or zb >= near_m or zc >= near_m:
-            corners = _clip(
-                vertices_camera_m[a], vertices_camera_m[b], vertices_camera_m[c], near_m, polygon
-            )
+            corners = _clip(vertices_camera_m, (a, b, c), near_m, cut)
             for k in range(corners):
-                _project(polygon[k], fx, fy, cx, cy, polygon[k])
-            _draw(polygon[0], polygon[1], polygon[2], plane, f, depth_m, triangle)
-            if corners == 4:
-                _draw(polygon[0], polygon[2], polygon[3], plane, f, depth_m, triangle)
+                _project(cut, k, intrinsics, cut_screen)
+            for k in range(2, corners):
+                _draw(cut_screen, 0, k - 1, k, plane, f, depth_m, triangle)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, inline="always")
 def _plane(
-    a: FloatArray, b: FloatArray, c: FloatArray, intrinsics: FloatArray, plane: FloatArray
+    points: FloatArray, a: int, b: int, c: int, intrinsics: FloatArray, plane: FloatArray
 ) -> bool:
     """Fill `plane` with p, q, r of 1/z = p u + q v + r; return whether it faces the camera.
 
     Taken before the corners are snapped: edge-on, a hundredth of a pixel is a millimetre.
     """
-    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
-    px, py, pz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    qx, qy, qz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    x, y, z = points[a, 0], points[a, 1], points[a, 2]
+    px, py, pz = points[b, 0] - x, points[b, 1] - y, points[b, 2] - z
+    qx, qy, qz = points[c, 0] - x, points[c, 1] - y, points[c, 2] - z
     nx, ny, nz = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
-    offset = nx * a[0] + ny * a[1] + nz * a[2]
+    offset = nx * x + ny * y + nz * z
     if not offset > 0.0:  # also for NaN.
         return False
-    plane[0], plane[1] = nx / (fx * offset), ny / (fy * offset)
-    plane[2] = nz / offset - plane[0] * cx - plane[1] * cy
+    scale = 1.0 / offset
+    plane[0], plane[1] = nx * scale / intrinsics[0], ny * scale / intrinsics[1]
+    plane[2] = nz * scale - plane[0] * intrinsics[2] - plane[1] * intrinsics[3]
     return True
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _project(
-    point: FloatArray, fx: float, fy: float, cx: float, cy: float, screen: FloatArray
-) -> None:
-    """Write u, v (px, snapped) and 1/z (1/m) of a point into `screen`; they may be one array."""
-    inverse = 1.0 / point[2]
-    u = np.rint((fx * point[0] * inverse + cx) * _SUBPIXELS) / _SUBPIXELS
-    v = np.rint((fy * point[1] * inverse + cy) * _SUBPIXELS) / _SUBPIXELS
-    screen[0], screen[1], screen[2] = u, v, inverse
+def _project(points: FloatArray, i: int, intrinsics: FloatArray, screen: FloatArray) -> None:
+    """Write u, v (px, snapped) and 1/z (1/m) of a point into its row of `screen`."""
+    inverse = 1.0 / points[i, 2]
+    u = intrinsics[0] * points[i, 0] * inverse + intrinsics[2]
+    v = intrinsics[1] * points[i, 1] * inverse + intrinsics[3]
+    screen[i, 0] = np.rint(u * _SUBPIXELS) / _SUBPIXELS
+    screen[i, 1] = np.rint(v * _SUBPIXELS) / _SUBPIXELS
+    screen[i, 2] = inverse
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _clip(a: FloatArray, b: FloatArray, c: FloatArray, near_m: float, polygon: FloatArray) -> int:
-    """Cut a triangle at z = near; fill `polygon` and return its corners, 3 or 4."""
+def _clip(points: FloatArray, face: tuple[int, int, int], near_m: float, cut: FloatArray) -> int:
+    """Cut a triangle at z = near; fill `cut` and return its corners, 3 or 4."""
     count = 0
     for k in range(3):
-        p, q = (a, b) if k == 0 else ((b, c) if k == 1 else (c, a))
-        if p[2] >= near_m:
-            polygon[count] = p
+        p, q = face[k], face[(k + 1) % 3]
+        if points[p, 2] >= near_m:
+            cut[count] = points[p]
             count += 1
-        if (p[2] >= near_m) != (q[2] >= near_m):
+        if (points[p, 2] >= near_m) != (points[q, 2] >= near_m):
             # Always from the inside out: triangles that share the edge meet in the same point.
-            inside, outside = (p, q) if p[2] >= near_m else (q, p)
-            s = (inside[2] - near_m) / (inside[2] - outside[2])
+            inside, outside = (p, q) if points[p, 2] >= near_m else (q, p)
+            s = (points[inside, 2] - near_m) / (points[inside, 2] - points[outside, 2])
             for j in range(2):
-                polygon[count, j] = inside[j] + s * (outside[j] - inside[j])
-            polygon[count, 2] = near_m
+                cut[count, j] = points[inside, j] + s * (points[outside, j] - points[inside, j])
+            cut[count, 2] = near_m
             count += 1
     return count
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, inline="always")
 def _bias(du: float, dv: float) -> float:
     """Return what keeps pixels on a top or left edge, and drops them on the others."""
     return 0.0 if dv < 0.0 or (dv == 0.0 and du > 0.0) else _EXCLUSIVE
@@ -137,9 +133,10 @@ def _bias(du: float, dv: float) -> float:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _draw(
-    a: FloatArray,
-    b: FloatArray,
-    c: FloatArray,
+    screen: FloatArray,
+    a: int,
+    b: int,
+    c: int,
     plane: FloatArray,
     face: int,
     depth_m: NDArray[np.float32],
@@ -150,25 +147,27 @@ def _draw(
     1/z is linear in the image: taken from `plane`, held between the corners'.
     """
     height, width = depth_m.shape
-    ab_u, ab_v = b[0] - a[0], b[1] - a[1]
-    bc_u, bc_v = c[0] - b[0], c[1] - b[1]
-    ca_u, ca_v = a[0] - c[0], a[1] - c[1]
-    area = ab_v * ca_u - ab_u * ca_v
-    if not area > 0.0:  # also false for NaN.
+    a_u, a_v, a_i = screen[a, 0], screen[a, 1], screen[a, 2]
+    b_u, b_v, b_i = screen[b, 0], screen[b, 1], screen[b, 2]
+    c_u, c_v, c_i = screen[c, 0], screen[c, 1], screen[c, 2]
+    ab_u, ab_v = b_u - a_u, b_v - a_v
+    bc_u, bc_v = c_u - b_u, c_v - b_v
+    ca_u, ca_v = a_u - c_u, a_v - c_v
+    if not ab_v * ca_u - ab_u * ca_v > 0.0:  # also for NaN.
         return
-    first_u = int(np.ceil(max(min(a[0], b[0], c[0]), 0.0)))
-    last_u = int(np.floor(min(max(a[0], b[0], c[0]), width - 1.0)))
-    first_v = int(np.ceil(max(min(a[1], b[1], c[1]), 0.0)))
-    last_v = int(np.floor(min(max(a[1], b[1], c[1]), height - 1.0)))
+    first_u = int(np.ceil(max(min(a_u, b_u, c_u), 0.0)))
+    last_u = int(np.floor(min(max(a_u, b_u, c_u), width - 1.0)))
+    first_v = int(np.ceil(max(min(a_v, b_v, c_v), 0.0)))
+    last_v = int(np.floor(min(max(a_v, b_v, c_v), height - 1.0)))
     if first_u > last_u or first_v > last_v:
         return
     bias_a, bias_b, bias_c = _bias(bc_u, bc_v), _bias(ca_u, ca_v), _bias(ab_u, ab_v)
-    farthest, nearest = min(a[2], b[2], c[2]), max(a[2], b[2], c[2])
+    farthest, nearest = min(a_i, b_i, c_i), max(a_i, b_i, c_i)
     for v in range(first_v, last_v + 1):
         # Each edge function is zero on its edge and positive towards the corner opposite.
-        at_a = bc_u * (v - b[1]) - bc_v * (first_u - b[0])
-        at_b = ca_u * (v - c[1]) - ca_v * (first_u - c[0])
-        at_c = ab_u * (v - a[1]) - ab_v * (first_u - a[0])
+        at_a = bc_u * (v - b_v) - bc_v * (first_u - b_u)
+        at_b = ca_u * (v - c_v) - ca_v * (first_u - c_u)
+        at_c = ab_u * (v - a_v) - ab_v * (first_u - a_u)
         for u in range(first_u, last_u + 1):
             if at_a + bias_a >= 0.0 and at_b + bias_b >= 0.0 and at_c + bias_c >= 0.0:
                 inverse = plane[0] * u + plane[1] * v + plane[2]
