@@ -186,12 +186,15 @@ def test_a_camera_that_is_not_in_the_world_yet_is_silent(open_bus: OpenBus) -> N
 def test_of_the_states_that_come_while_it_renders_only_the_newest_is_drawn(
     open_bus: OpenBus,
 ) -> None:
-    with camera_in(open_bus, width=1600, height=1200) as world:
-        world.tell(*(state(tick) for tick in range(1, 101)))
-        ticks = []
-        while not ticks or ticks[-1] < 100:
-            ticks.append(world.cloud.get(timeout_s=10).message.tick)
+    with camera_in(open_bus, width=800, height=600) as world:
+        world.tell(*(state(tick) for tick in range(1, 100)))
+        ticks, deadline_s = [0], time.monotonic() + 10
+        while ticks[-1] < 100 and time.monotonic() < deadline_s:
+            world.tell(state(100))  # Again and again: a crowded bus may drop any one.
+            with suppress(TimeoutError):
+                ticks.append(world.pose.get(timeout_s=0.2).message.tick)
         assert ticks == sorted(set(ticks))
+        assert ticks[-1] == 100
         assert len(ticks) < 100
 
 
