@@ -1,6 +1,7 @@
 """How a service process lives: settings, log, signals, bus, loop, and a clean end."""
 
 import logging
+import os
 import signal
 import sys
 import threading
@@ -46,6 +47,10 @@ def main(
     except (MissingExtra, BusUnavailable) as error:
         logger.error("%s", error)
         sys.exit(EXIT_SETTINGS)
+    # The bus is closed and the log is out. Taking LLVM and the libraries' threads apart costs
+    # 0.3 s and more of each process, all at once when a system stops, and mends nothing.
+    logging.shutdown()
+    os._exit(0)
 
 
 def parse(settings_type: type[S], service: str, args: Sequence[str] | None) -> S:
