@@ -25,8 +25,8 @@ class Record:
     wall_ns: list[int] = field(default_factory=list)
     """When each summary came, wall clock."""
     qualities: list[Quality] = field(default_factory=list)
-    bad_messages: dict[tuple[str, str, int], int] = field(default_factory=dict)
-    """Per service, instance and process; a restarted one counts anew."""
+    statuses: dict[tuple[str, str, int], ServiceStatus] = field(default_factory=dict)
+    """The last heartbeat per service, instance and process; a restarted one counts anew."""
 
     def add_summary(self, summary: MapSummary, wall_ns: int) -> None:
         """Take in one fused instant."""
@@ -41,7 +41,7 @@ class Record:
 
     def add_status(self, status: ServiceStatus) -> None:
         """Take in one heartbeat."""
-        self.bad_messages[status.service, status.instance, status.pid] = status.bad_messages
+        self.statuses[status.service, status.instance, status.pid] = status
 
     @property
     def complete(self) -> int:
@@ -102,11 +102,12 @@ def report(record: Record, run: Run) -> dict[str, Any]:
         "missing": _missing(record.qualities),
         "instants_scored": len(record.qualities),
         "missed_clouds": sum(len(each.cameras_missing) for each in summaries),
-        "bad_messages": sum(record.bad_messages.values()),
+        "bad_messages": sum(status.bad_messages for status in record.statuses.values()),
         "restarts": run.restarts,
         "voxel_size_m": run.voxel_size_m,
         "tolerance_m": scores[-1].tolerance_m if scores else None,
         "seed": run.seed,
+        "time": _time(record.statuses.values()),
         "versions": versions(),
     }
 
@@ -119,6 +120,17 @@ def versions() -> dict[str, str]:
             found[package] = metadata.version(package)
         except metadata.PackageNotFoundError:
             continue
+    return found
+
+
+def _time(statuses: Iterable[ServiceStatus]) -> dict[str, dict[str, Any]]:
+    """Return, per service over all its instances, processor time and the time of its stages."""
+    found: dict[str, dict[str, Any]] = {}
+    for status in statuses:
+        row = found.setdefault(status.service, {"cpu_s": 0.0, "stages_s": {}})
+        row["cpu_s"] += status.cpu_s
+        for stage in status.stages:
+            row["stages_s"][stage.name] = row["stages_s"].get(stage.name, 0.0) + stage.total_s
     return found
 
 
