@@ -27,6 +27,8 @@ class Record:
     qualities: list[Quality] = field(default_factory=list)
     statuses: dict[tuple[str, str, int], ServiceStatus] = field(default_factory=dict)
     """The last heartbeat per service, instance and process; a restarted one counts anew."""
+    first_cpu_s: dict[tuple[str, str, int], float] = field(default_factory=dict)
+    """Processor time at the first heartbeat: starting up is not working."""
 
     def add_summary(self, summary: MapSummary, wall_ns: int) -> None:
         """Take in one fused instant."""
@@ -41,7 +43,9 @@ class Record:
 
     def add_status(self, status: ServiceStatus) -> None:
         """Take in one heartbeat."""
-        self.statuses[status.service, status.instance, status.pid] = status
+        process = (status.service, status.instance, status.pid)
+        self.statuses[process] = status
+        self.first_cpu_s.setdefault(process, status.cpu_s)
 
     @property
     def complete(self) -> int:
@@ -107,7 +111,7 @@ def report(record: Record, run: Run) -> dict[str, Any]:
         "voxel_size_m": run.voxel_size_m,
         "tolerance_m": scores[-1].tolerance_m if scores else None,
         "seed": run.seed,
-        "time": _time(record.statuses.values()),
+        "time": _time(record),
         "versions": versions(),
     }
 
@@ -123,12 +127,12 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _time(statuses: Iterable[ServiceStatus]) -> dict[str, dict[str, Any]]:
+def _time(record: Record) -> dict[str, dict[str, Any]]:
     """Return, per service over all its instances, processor time and the time of its stages."""
     found: dict[str, dict[str, Any]] = {}
-    for status in statuses:
+    for process, status in record.statuses.items():
         row = found.setdefault(status.service, {"cpu_s": 0.0, "stages_s": {}})
-        row["cpu_s"] += status.cpu_s
+        row["cpu_s"] += status.cpu_s - record.first_cpu_s[process]
         for stage in status.stages:
             row["stages_s"][stage.name] = row["stages_s"].get(stage.name, 0.0) + stage.total_s
     return found
