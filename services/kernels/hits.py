@@ -9,6 +9,17 @@ PAD = 2
 """Cells beside an image row, so that every pixel has neighbours."""
 
 
+@njit(cache=True, error_model="numpy", nogil=True)
+def count_returns(depth, invalid, no_return):  # type: ignore[no-untyped-def]
+    """Count the pixels (H, W) that hold neither of two values."""
+    count = np.int64(0)
+    for v in range(depth.shape[0]):
+        row = depth[v]
+        for u in range(row.size):
+            count += np.int64((row[u] != invalid) & (row[u] != no_return))
+    return count
+
+
 @njit(cache=True, error_model="numpy", nogil=True, inline="always")
 def hit_voxel(stamp, log_odds, slot, local, scan, hit, low, high):  # type: ignore[no-untyped-def]
     """Add a hit to a voxel unless this scan already did; return 1 if it was added."""

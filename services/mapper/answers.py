@@ -11,6 +11,8 @@ class Fused(NamedTuple):
 
     num_hits: int
     """Voxels that got a hit."""
+    num_returns: int
+    """Pixels or points that returned."""
     num_skipped: int
     """Points that were not finite."""
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from schemas.cloud import INVALID, NO_RETURN, Cloud, DepthCloud
+from schemas.cloud import Cloud, DepthCloud
 from services.kernels.rigid import apply, inverse
 from services.mapper.voxel_map import VoxelMap
 
@@ -62,20 +62,19 @@ class Fusion:
         began_s = time.perf_counter()
         T_map_camera = inverse(self.T_world_map) @ cloud.pose.matrix()
         if isinstance(cloud, DepthCloud):
-            k, depth = cloud.intrinsics, cloud.array
-            self.voxel_map.fuse_depth(
-                depth,
+            k = cloud.intrinsics
+            fused = self.voxel_map.fuse_depth(
+                cloud.array,
                 (k.fx, k.fy, k.cx, k.cy),
                 T_map_camera,
                 cloud.depth_scale_m,
                 cloud.max_range_m,
             )
-            self.num_returns += int(np.count_nonzero((depth != INVALID) & (depth != NO_RETURN)))
+            self.num_returns += fused.num_returns
         else:
-            points = cloud.array
             fused = self.voxel_map.fuse_points(
-                apply(T_map_camera, points), T_map_camera[:3, 3], cloud.max_range_m
+                apply(T_map_camera, cloud.array), T_map_camera[:3, 3], cloud.max_range_m
             )
-            self.num_returns += len(points) - fused.num_skipped
+            self.num_returns += fused.num_returns
         self.used = (*self.used, cloud.camera)
         self.fuse_s += time.perf_counter() - began_s

@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 from services.kernels import carve, hits
 from services.kernels.bricks import BRICK, VOXELS
+from services.mapper.answers import Fused
 from services.mapper.box import Box
 from services.mapper.brick_store import BrickStore
 from services.mapper.sensor_model import SensorModel
 from services.mapper.sight import Sight
 
+INVALID = 0
+"""A pixel that knows nothing."""
 NO_RETURN = 65535
 """A pixel that looked and saw nothing: free up to the maximum range."""
 FOOTPRINT = 1.25
@@ -52,8 +55,8 @@ class ProjectiveIntegrator:
         self._voxels_m = (np.stack([i, j, k]) - (BRICK - 1) / 2) * box.resolution_m
         self._sight = Sight(1, 1)
 
-    def fuse(self, view: View) -> int:
-        """Fuse one checked image; return the number of voxels hit."""
+    def fuse(self, view: View) -> Fused:
+        """Fuse one checked image."""
         if view.depth.shape != self._sight.shape:
             self._sight = Sight(*view.depth.shape)
         scan = self._store.begin_scan()
@@ -62,7 +65,8 @@ class ProjectiveIntegrator:
         self._sight.look(view.depth, limit, view.scale_m)  # how far the image sees
         count = self._cull(view, scan)  # the bricks it says anything about
         self._carve(view, count, scan)  # the voxels it sees beyond
-        return num_hits
+        num_returns = hits.count_returns(view.depth, INVALID, NO_RETURN)
+        return Fused(num_hits, int(num_returns), 0)
 
     def _hit(self, view: View, limit: np.uint16, scan: np.uint8) -> int:
         fx, fy, cx, cy = view.pinhole

@@ -80,7 +80,7 @@ class VoxelMap:
             BadDepth, BadIntrinsics, BadPose: The map is as it was.
         """
         view = self._checked(depth, pinhole, T_map_camera, depth_scale_m, max_range_m)
-        return Fused(self._projective.fuse(view), 0)
+        return self._projective.fuse(view)
 
     def fuse_many(self, views: Iterable[View]) -> Fused:
         """Fuse depth images in order; all are checked before the first is fused."""
@@ -88,7 +88,8 @@ class VoxelMap:
             self._checked(v.depth, v.pinhole, v.T_map_camera, v.scale_m, v.max_range_m)
             for v in views
         ]
-        return Fused(sum(self._projective.fuse(view) for view in checked), 0)
+        fused = [self._projective.fuse(view) for view in checked]
+        return Fused(sum(f.num_hits for f in fused), sum(f.num_returns for f in fused), 0)
 
     def fuse_points(
         self,
@@ -114,7 +115,8 @@ class VoxelMap:
         cloud, origin = checks.points(points_m, origin_m)
         if not max_range_m > 0.0:
             raise BadPoints(f"maximum range {max_range_m} m must be positive")
-        return Fused(*self._exact.fuse(cloud, origin, max_range_m, discretize))
+        num_hits, skipped = self._exact.fuse(cloud, origin, max_range_m, discretize)
+        return Fused(num_hits, len(cloud) - skipped, skipped)
 
     def classify(self, points_m: ArrayLike) -> NDArray[np.uint8]:
         """Return for points (N, 3), map frame: 0 unknown or outside, 1 free, 2 occupied."""
