@@ -25,6 +25,7 @@ from services.simulator.bodies import Bodies
 from services.simulator.clock import Clock
 from services.simulator.commands import Commands
 from services.simulator.messages import sim_clock, sim_state, target_pose
+from services.simulator.pace import Pace
 from services.simulator.proximity import Proximity
 from services.simulator.settings import SimulatorSettings
 from services.simulator.world_state import Limits, World
@@ -50,8 +51,8 @@ class Simulator:
         expected = {*settings.wait_for, *cameras}
         self._clock = Clock(settings.mode == "lockstep", expected, settings.num_ticks)
         self._commands = Commands()
-        self._overruns = 0
-        self._tick_began_s = self._due_s = 0.0
+        self._pace = Pace(settings.dt_s)
+        self._tick_began_s = 0.0
         self._timer: Timer | None = None
         loop.on(CAMERA_GOAL, self._on_goal)
         loop.on(CAMERA_COMMAND, self._on_command)
@@ -101,7 +102,7 @@ class Simulator:
     def _start_if_complete(self) -> None:
         if self._clock.start(self._placed()):
             logger.info("all there; tick 0")
-            self._due_s = time.monotonic()
+            self._pace.begin(time.monotonic())
             self._begin_tick()
 
     def _begin_tick(self) -> None:
@@ -139,12 +140,7 @@ class Simulator:
         if self._clock.lockstep:
             self._timer = self._loop.after(self._settings.timeout_s, self._on_timeout)
         elif self._clock.state == "running":
-            now_s = time.monotonic()
-            self._due_s += self._settings.dt_s
-            if self._due_s < now_s:  # Late: time slips, the step is never enlarged.
-                self._overruns += 1
-                self._due_s = now_s
-            self._timer = self._loop.after(self._due_s - now_s, self._end_tick)
+            self._timer = self._loop.after(self._pace.wait_s(time.monotonic()), self._end_tick)
 
     def _stop_timer(self) -> None:
         if self._timer is not None:
@@ -178,7 +174,7 @@ class Simulator:
             self._publish_clock(self._clock.waiting_for(self._placed()))
 
     def _publish_clock(self, waiting_for: tuple[str, ...]) -> None:
-        clock = sim_clock(self._world, self._clock, waiting_for, self._overruns)
+        clock = sim_clock(self._world, self._clock, waiting_for, self._pace.overruns)
         self._bus.publish(SIM_CLOCK, clock)
 
     def _publish_world(self) -> None:
@@ -201,7 +197,7 @@ class Simulator:
         was_paused = self._clock.state == "paused"
         self._clock.resume()
         if was_paused:
-            self._due_s = time.monotonic()
+            self._pace.begin(time.monotonic())
             self._set_timer()
             self._go_on()
         return self.get({})
@@ -231,7 +227,7 @@ class Simulator:
         self._clock.reset()
         self._commands = Commands()
         self._proximity = Proximity()
-        self._overruns = 0
+        self._pace = Pace(self._settings.dt_s)
         return self.get({})
 
     def get(self, params: dict[str, Any]) -> dict[str, Any]:
@@ -244,7 +240,7 @@ class Simulator:
             "cameras": sorted(self._world.cameras),
             "waiting_for": list(self._clock.waiting_for(self._placed())),
             "dropped": list(self._clock.dropped),
-            "overruns": self._overruns,
+            "overruns": self._pace.overruns,
             "clipped_commands": self._world.num_clipped,
             "contacts": self._proximity.num_contacts,
             "too_close": self._proximity.num_close,
