@@ -8,7 +8,7 @@ the same voxels.
 import numpy as np
 from numba import njit
 
-from services.kernels.bricks import UNIFORM, add, open_brick
+from services.kernels.bricks import UNIFORM, VOXELS, add, open_brick
 from services.kernels.hits import hit_voxel
 
 NEVER = 1.7976931348623157e308
@@ -144,7 +144,7 @@ def miss_rays(bricks, ends, first, count, origin, key0, resolution, scan, miss, 
     inverse = 1.0 / resolution
     # Taken out of the tuple once: numba counts references at every access.
     slots, values, dirty = bricks.slot, bricks.value, bricks.dirty
-    stamp, log_odds = bricks.stamp, bricks.log_odds
+    stamp, log_odds = bricks.stamp.reshape(-1), bricks.log_odds.reshape(-1)
     start, key, stop = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3, np.int64)
     step, t_max, t_delta = np.empty(3, np.int64), np.empty(3), np.empty(3)
     direction = np.empty(3, np.float32)
@@ -178,52 +178,53 @@ def miss_rays(bricks, ends, first, count, origin, key0, resolution, scan, miss, 
         sx, sy, sz = step[0], step[1], step[2]
         dx, dy, dz = t_delta[0], t_delta[1], t_delta[2]
         ex, ey, ez = stop[0], stop[1], stop[2]
-        current = -1
-        slot = np.int32(UNIFORM)
-        settled = False
+        # Where an axis' coordinate within a brick arrives when a step enters the next brick.
+        arrive_x, arrive_y, arrive_z = 7 * (sx < 0), 7 * (sy < 0), 7 * (sz < 0)
+        at, visits, crossed = 0, False, True
         while True:
-            if x >= 0 and y >= 0 and z >= 0 and x < nx and y < ny and z < nz:
-                brick = ((x >> 3) * nby + (y >> 3)) * nbz + (z >> 3)
-                if brick != current:
-                    current = brick
-                    # A uniform brick at the lower clamp stays there.
+            if crossed:
+                # The box is made of whole bricks: it is entered and left where a brick is.
+                crossed = False
+                visits = x >= 0 and y >= 0 and z >= 0 and x < nx and y < ny and z < nz
+                if visits:
+                    brick = ((x >> 3) * nby + (y >> 3)) * nbz + (z >> 3)
                     slot = slots[brick]
-                    settled = slot == UNIFORM and values[brick] == low
-                    if not settled:
-                        if slot == UNIFORM:
+                    if slot == UNIFORM:
+                        # A uniform brick at the lower clamp stays there.
+                        visits = values[brick] != low
+                        if visits:
                             slot = open_brick(bricks, brick)
                             if slot < 0:
                                 return n
-                        dirty[brick] = 1
-                if not settled:
-                    local = ((x & 7) << 6) | ((y & 7) << 3) | (z & 7)
-                    if stamp[slot, local] != scan:
-                        stamp[slot, local] = scan
-                        log_odds[slot, local] = np.int16(
-                            add(log_odds[slot, local], miss, low, high)
-                        )
-            elif (
-                (x < 0 and sx <= 0)
-                or (y < 0 and sy <= 0)
-                or (z < 0 and sz <= 0)
-                or (x >= nx and sx >= 0)
-                or (y >= ny and sy >= 0)
-                or (z >= nz and sz >= 0)
-            ):
-                break
-            if tx < ty:
-                if tx < tz:
-                    x += sx
-                    tx += dx
-                else:
-                    z += sz
-                    tz += dz
-            elif ty < tz:
+                    dirty[brick] |= visits
+                    at = slot * VOXELS + (((x & 7) << 6) | ((y & 7) << 3) | (z & 7))
+                elif (
+                    (x < 0 and sx <= 0)
+                    or (y < 0 and sy <= 0)
+                    or (z < 0 and sz <= 0)
+                    or (x >= nx and sx >= 0)
+                    or (y >= ny and sy >= 0)
+                    or (z >= nz and sz >= 0)
+                ):
+                    break
+            if visits and stamp[at] != scan:
+                stamp[at] = scan
+                log_odds[at] = np.int16(add(log_odds[at], miss, low, high))
+            if tx < ty and tx < tz:
+                x += sx
+                tx += dx
+                at += 64 * sx
+                crossed = (x & 7) == arrive_x
+            elif ty < tz and not tx < ty:
                 y += sy
                 ty += dy
+                at += 8 * sy
+                crossed = (y & 7) == arrive_y
             else:
                 z += sz
                 tz += dz
+                at += sz
+                crossed = (z & 7) == arrive_z
             if x == ex and y == ey and z == ez:
                 break
             # Rounding may lead past the end voxel: OctoMap stops at the ray's length.
