@@ -3,7 +3,6 @@
 import logging
 import os
 import secrets
-import threading
 import time
 from collections.abc import Callable
 from typing import Any, Self, TypeVar
@@ -14,6 +13,7 @@ from schemas.codec import decode
 from schemas.message import Message, MessageError
 from schemas.topics import Delivery, Topic, camera_of, find
 from services.runtime import command
+from services.runtime.drains import Drains
 from services.runtime.errors import NoReply
 from services.runtime.inbox import Inbox
 from services.runtime.meter import Meters
@@ -50,7 +50,8 @@ class Bus:
         self._pid = os.getpid()
         self.meters = Meters()
         self._sender = Sender(self._session, self.address, self.boot, self.meters, self.pool)
-        self.presence = Presence(self._session, self.address)
+        self._drains = Drains()
+        self.presence = Presence(self._session, self.address, self._drains)
 
     def publish(
         self,
@@ -110,7 +111,7 @@ class Bus:
                 if find(key) is topic:
                     put(key, sample.payload)
 
-        threading.Thread(target=drain, name=expression, daemon=True).start()
+        self._drains.start(expression, drain)
         return subscriber.undeclare
 
     def receive(self, topic: Topic[M], key: str, payload: zenoh.ZBytes) -> Received[M] | None:
@@ -200,6 +201,7 @@ class Bus:
         if os.getpid() != self._pid:
             return  # A forked child must not touch its parent's session: closing would hang.
         self._session.close()  # type: ignore[no-untyped-call]
+        self._drains.join()
 
     def __enter__(self) -> Self:
         return self

@@ -1,9 +1,10 @@
 """Who is on the bus: liveliness tokens on `alive/<service>/<instance>`."""
 
-import threading
 from collections.abc import Callable
 
 import zenoh
+
+from services.runtime.drains import Drains
 
 _ROOT = "alive"
 _RING = 256  # Changes that may wait for the one thread that passes them on.
@@ -15,10 +16,11 @@ class Presence:
     A token vanishes with its process: at once when it is killed, after the lease when it freezes.
     """
 
-    def __init__(self, session: zenoh.Session, address: str) -> None:
+    def __init__(self, session: zenoh.Session, address: str, drains: Drains) -> None:
         service, _, instance = address.partition("/")
         self._key = f"{_ROOT}/{service}/{instance or 0}"
         self._liveliness = session.liveliness()
+        self._drains = drains
         self._token: zenoh.LivelinessToken | None = None
 
     def announce(self) -> None:
@@ -41,7 +43,7 @@ class Presence:
                 instance = str(sample.key_expr).rsplit("/", 1)[1]
                 put(instance, sample.kind == zenoh.SampleKind.PUT)
 
-        threading.Thread(target=drain, name=f"{_ROOT}/{service}", daemon=True).start()
+        self._drains.start(f"{_ROOT}/{service}", drain)
         return subscriber.undeclare
 
     def everybody(self, timeout_s: float = 1.0) -> set[str]:
