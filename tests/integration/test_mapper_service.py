@@ -131,10 +131,11 @@ def start(open_bus: OpenBus) -> Iterator[Callable[..., World]]:
             MapperService(MapperSettings(**settings), bus, loop)
             stack.enter_context(running(loop))
             senders = [(world.bus, TARGET_POSE, None), (world.bus, SIM_CLOCK, None)]
+            senders += [(bus, MAP_CHANGES, None), (bus, MAP_SUMMARY, None)]
             senders += [(b, CAMERA_CLOUD, i) for i, b in enumerate(world.cameras)]
             until = time.monotonic() + WAIT_S
             while not all(b.matching(topic, i) for b, topic, i in senders):
-                assert time.monotonic() < until, "the mapper never subscribed"
+                assert time.monotonic() < until, "mapper and world never met"
             while world.bus.request("mapper", "get")["cameras"] != list(range(cameras)):
                 assert time.monotonic() < until, "the mapper never saw the cameras"
             return world
