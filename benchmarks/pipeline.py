@@ -38,7 +38,7 @@ def run(duration_s: float, *flags: str) -> dict:
     """Run the chain in its processes and return its report."""
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.json"
-        command = [sys.executable, "-m", "services.launcher.cli", "run", "--headless"]
+        command = [str(Path(sys.executable).with_name("encircle")), "run", "--headless"]
         command += ["--scenario", str(HEXAGON), "--duration", str(duration_s), *flags]
         command += ["--report", str(report), "--runs", folder]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -72,6 +72,7 @@ def paper_way(num_cameras: int, rounds: int) -> tuple[float, float, float]:
                 tick=0,
                 frame_id="world",
                 dt_ns=1,
+                mode="lockstep",
                 target=ground,
                 twist=still,
                 scene=scene,

@@ -8,6 +8,8 @@ from schemas.camera import MAX_CAMERAS, CameraIndex
 from schemas.geometry import Pose, Twist
 from schemas.message import Message, Name, Nanoseconds
 
+SimMode = Literal["lockstep", "realtime"]
+"""Every instant waits for all, or follows the clock."""
 DeformationKind = Literal["breathing", "squash", "bend", "twist", "wave"]
 
 
@@ -51,6 +53,7 @@ class SimState(Message):
     """The world's true state at `tick`; perception must never read it."""
 
     dt_ns: Annotated[int, Field(gt=0)]
+    mode: SimMode
     target: Pose
     twist: Twist
     """Of the target, world axes."""
@@ -62,7 +65,7 @@ class SimClock(Message):
     """The simulation's clock and what it is doing."""
 
     dt_ns: Annotated[int, Field(gt=0)]
-    mode: Literal["lockstep", "realtime"]
+    mode: SimMode
     state: Literal["waiting", "running", "paused", "finished"]
     waiting_for: Annotated[tuple[Name, ...], Field(max_length=128)] = ()
     """Who has not acknowledged, as `service/instance`."""

@@ -200,6 +200,7 @@ EXAMPLES: dict[str, tuple[Topic[Message], Message]] = {
         SimState(
             **_STAMP,
             dt_ns=66_666_667,
+            mode="lockstep",
             target=_POSE,
             twist=_TWIST,
             scene=SceneSpec(

@@ -6,7 +6,7 @@ import numpy as np
 
 from schemas.camera import CameraCommand, CameraGoal, CameraInfo, CameraPose, ColorImage
 from schemas.cloud import DepthCloud
-from schemas.sim import CameraBody, SimClock, SimState
+from schemas.sim import CameraBody, SimState
 from schemas.topics import (
     CAMERA_CLOUD,
     CAMERA_COLOR,
@@ -14,7 +14,6 @@ from schemas.topics import (
     CAMERA_GOAL,
     CAMERA_INFO,
     CAMERA_POSE,
-    SIM_CLOCK,
     SIM_STATE,
 )
 from services.camera.pilot import command
@@ -42,17 +41,12 @@ class CameraService:
         self._source = open_source(settings.source_settings())
         self._state: SimState | None = None
         self._goal: CameraGoal | None = None
-        self._lockstep = True
         self._commanded = True
         """Whether the state at hand is acknowledged."""
-        loop.on(SIM_CLOCK, self._on_clock)
         loop.on(SIM_STATE, self._on_state)
         loop.on(CAMERA_GOAL, self._on_goal, self._camera)
         loop.after(0.0, self._introduce)
         loop.every(INFO_PERIOD_S, self._introduce)
-
-    def _on_clock(self, received: Received[SimClock]) -> None:
-        self._lockstep = received.message.mode == "lockstep"
 
     def _on_state(self, received: Received[SimState]) -> None:
         state = received.message
@@ -77,7 +71,7 @@ class CameraService:
         state, goal = self._state, self._goal
         if self._commanded or state is None or goal is None:
             return
-        if self._lockstep and goal.tick != state.tick:
+        if state.mode == "lockstep" and goal.tick != state.tick:
             return
         body = body_of(state, self._camera)
         assert body is not None

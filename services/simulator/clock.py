@@ -3,6 +3,7 @@
 from collections.abc import Collection
 from typing import Literal
 
+from schemas.sim import SimMode
 from services.simulator.lockstep import Barrier, in_order
 
 State = Literal["waiting", "running", "paused", "finished"]
@@ -13,6 +14,7 @@ class Clock:
 
     def __init__(self, lockstep: bool, expected: Collection[str], num_ticks: int | None) -> None:
         self.lockstep = lockstep
+        self.mode: SimMode = "lockstep" if lockstep else "realtime"
         self.tick = 0
         self._expected = frozenset(expected)
         self._num_ticks = num_ticks

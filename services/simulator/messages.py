@@ -24,7 +24,7 @@ def target_pose(world: World) -> TargetPose:
     )
 
 
-def sim_state(world: World, scene: SceneSpec) -> SimState:
+def sim_state(world: World, clock: Clock, scene: SceneSpec) -> SimState:
     """Tell all that is true."""
     target = target_pose(world)
     return SimState(
@@ -32,6 +32,7 @@ def sim_state(world: World, scene: SceneSpec) -> SimState:
         tick=world.tick,
         frame_id=WORLD,
         dt_ns=world.dt_ns,
+        mode=clock.mode,
         target=target.pose,
         twist=target.twist,
         scene=scene,
@@ -53,7 +54,7 @@ def sim_clock(world: World, clock: Clock, waiting_for: tuple[str, ...], overruns
         tick=world.tick,
         frame_id=WORLD,
         dt_ns=world.dt_ns,
-        mode="lockstep" if clock.lockstep else "realtime",
+        mode=clock.mode,
         state=clock.state,
         waiting_for=waiting_for,
         dropped=clock.dropped,

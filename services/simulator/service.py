@@ -107,11 +107,11 @@ class Simulator:
 
     def _begin_tick(self) -> None:
         self._tick_began_s = time.monotonic()
+        with self._loop.stage("publish"):  # First what the others wait for.
+            self._publish_world()
+            self._publish_clock(())
         with self._loop.stage("proximity"):
             self._check_proximity()
-        with self._loop.stage("publish"):
-            self._publish_clock(())
-            self._publish_world()
         self._set_timer()
 
     def _go_on(self) -> None:
@@ -178,7 +178,7 @@ class Simulator:
         self._bus.publish(SIM_CLOCK, clock)
 
     def _publish_world(self) -> None:
-        self._bus.publish(SIM_STATE, sim_state(self._world, self._spec))
+        self._bus.publish(SIM_STATE, sim_state(self._world, self._clock, self._spec))
         self._bus.publish(TARGET_POSE, target_pose(self._world))
 
     # What is asked: ctl/simulator/<verb>.

@@ -11,7 +11,7 @@ import pytest
 
 from schemas.camera import CameraGoal
 from schemas.geometry import Pose, Twist
-from schemas.sim import CameraBody, SceneSpec, SimClock, SimState
+from schemas.sim import CameraBody, SceneSpec, SimMode, SimState
 from schemas.topics import (
     CAMERA_CLOUD,
     CAMERA_COLOR,
@@ -19,7 +19,6 @@ from schemas.topics import (
     CAMERA_GOAL,
     CAMERA_INFO,
     CAMERA_POSE,
-    SIM_CLOCK,
     SIM_STATE,
 )
 from services.camera.service import CameraService
@@ -40,12 +39,13 @@ START = look_at((1.1, 0.0, 0.5), (0, 0, 0.2))
 GOAL = look_at((1.1, 0.05, 0.5), (0, 0, 0.2))
 
 
-def state(tick: int, cameras: tuple[int, ...] = (1, 2)) -> SimState:
+def state(tick: int, cameras: tuple[int, ...] = (1, 2), mode: SimMode = "lockstep") -> SimState:
     return SimState(
         t_ns=tick * DT_NS,
         tick=tick,
         frame_id="world",
         dt_ns=DT_NS,
+        mode=mode,
         target=Pose.from_matrix(np.eye(4)),
         twist=STILL,
         scene=SCENE,
@@ -64,10 +64,6 @@ def goal(tick: int, camera: int = 2) -> CameraGoal:
     )
 
 
-def clock(mode: str) -> SimClock:
-    return SimClock(t_ns=0, tick=0, frame_id="world", dt_ns=DT_NS, mode=mode, state="running")
-
-
 class World:
     """Plays simulator and planner, and hears the camera."""
 
@@ -82,18 +78,16 @@ class World:
         """Its first info says that it lives; then it must also have found what we publish."""
         self.info.get(timeout_s=10)
         deadline_s = time.monotonic() + 10
-        pairs = ((SIM_STATE, None), (SIM_CLOCK, None), (CAMERA_GOAL, 2))
+        pairs = ((SIM_STATE, None), (CAMERA_GOAL, 2))
         while not all(self.bus.matching(*pair) for pair in pairs):
             assert time.monotonic() < deadline_s
             threading.Event().wait(0.01)
 
-    def tell(self, *messages: SimState | CameraGoal | SimClock) -> None:
+    def tell(self, *messages: SimState | CameraGoal) -> None:
         for message in messages:
             match message:
                 case SimState():
                     self.bus.publish(SIM_STATE, message)
-                case SimClock():
-                    self.bus.publish(SIM_CLOCK, message)
                 case CameraGoal():
                     self.bus.publish(CAMERA_GOAL, message, camera=message.camera)
 
@@ -140,7 +134,7 @@ def test_in_lockstep_each_tick_is_acknowledged_once_and_only_with_its_own_goal(
     open_bus: OpenBus, goal_first: bool
 ) -> None:
     with camera_in(open_bus) as world:
-        world.tell(clock("lockstep"), goal(6))
+        world.tell(goal(6))
         for tick in range(7, 12):
             both = (goal(tick), state(tick)) if goal_first else (state(tick), goal(tick))
             world.tell(both[0])
@@ -163,12 +157,12 @@ def test_in_lockstep_a_goal_of_another_tick_moves_nobody(open_bus: OpenBus) -> N
 
 def test_in_real_time_the_newest_goal_serves(open_bus: OpenBus) -> None:
     with camera_in(open_bus) as world:
-        world.tell(goal(3), clock("realtime"))
+        world.tell(goal(3))
         acknowledged, tick = None, 10
         deadline_s = time.monotonic() + 10
         while acknowledged is None and time.monotonic() < deadline_s:
             tick += 1
-            world.tell(state(tick))
+            world.tell(state(tick, mode="realtime"))
             with suppress(TimeoutError):
                 acknowledged = world.command.get(timeout_s=0.2).message.tick
         assert acknowledged is not None

@@ -62,6 +62,7 @@ def state(tick):
     return SimState(
         **stamp(tick),
         dt_ns=DT_NS,
+        mode="lockstep",
         target=Pose.from_matrix(T),
         twist=STILL,
         scene=SPEC,

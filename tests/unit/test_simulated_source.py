@@ -35,6 +35,7 @@ def state(tick=3, spec=None, eyes=((1.7, -0.3, 0.5), (0.2, 0.9, 0.7)), target=T_
         tick=tick,
         frame_id="world",
         dt_ns=66_666_667,
+        mode="lockstep",
         target=Pose.from_matrix(target),
         twist=STILL,
         scene=spec or scene(),
