@@ -41,8 +41,9 @@ class CameraService:
         self._source = open_source(settings.source_settings())
         self._state: SimState | None = None
         self._goal: CameraGoal | None = None
-        self._commanded = True
-        """Whether the state at hand is acknowledged."""
+        self._cloud: DepthCloud | None = None
+        self._command: CameraCommand | None = None
+        """The acknowledgement of the state at hand."""
         loop.on(SIM_STATE, self._on_state)
         loop.on(CAMERA_GOAL, self._on_goal, self._camera)
         loop.after(0.0, self._introduce)
@@ -53,13 +54,16 @@ class CameraService:
         body = body_of(state, self._camera)
         if body is None:
             return  # Not placed yet: the planner has not said where.
+        if state == self._state:
+            self._repeat()
+            return
         t_capture_ns = time.time_ns()
         color = self._settings.color and self._bus.matching(CAMERA_COLOR, self._camera)
         with self._loop.stage("render"):
             frame = self._source.capture(state, color=color)
         with self._loop.stage("publish"):
             self._publish(state, body, frame, t_capture_ns)
-        self._state, self._commanded = state, False
+        self._state, self._command = state, None
         self._drive()
 
     def _on_goal(self, received: Received[CameraGoal]) -> None:
@@ -69,26 +73,32 @@ class CameraService:
     def _drive(self) -> None:
         """Command once per state: in lockstep with that tick's goal, else with the newest."""
         state, goal = self._state, self._goal
-        if self._commanded or state is None or goal is None:
+        if self._command is not None or state is None or goal is None:
             return
         if state.mode == "lockstep" and goal.tick != state.tick:
             return
         body = body_of(state, self._camera)
         assert body is not None
         twist = command(body, state.tick, goal, state.dt_ns * 1e-9, self._settings.drive)
-        self._commanded = True
-        message = CameraCommand(
+        self._command = CameraCommand(
             t_ns=state.t_ns,
             tick=state.tick,
             frame_id=state.frame_id,
             camera=self._camera,
             twist=twist,
         )
-        self._bus.publish(CAMERA_COMMAND, message, camera=self._camera)
+        self._bus.publish(CAMERA_COMMAND, self._command, camera=self._camera)
+
+    def _repeat(self) -> None:
+        """Say again what was said of this state: it is told twice when an answer was lost."""
+        if self._cloud is not None:
+            self._bus.publish(CAMERA_CLOUD, self._cloud, camera=self._camera)
+        if self._command is not None:
+            self._bus.publish(CAMERA_COMMAND, self._command, camera=self._camera)
 
     def _publish(self, state: SimState, body: CameraBody, frame: Frame, t_capture_ns: int) -> None:
         stamp = {"t_ns": state.t_ns, "tick": state.tick, "camera": self._camera}
-        cloud = DepthCloud.of(
+        self._cloud = DepthCloud.of(
             frame.depth,
             **stamp,
             frame_id=state.frame_id,
@@ -98,7 +108,7 @@ class CameraService:
             intrinsics=self._intrinsics,
             depth_scale_m=self._settings.depth_scale_m,
         )
-        self._bus.publish(CAMERA_CLOUD, cloud, camera=self._camera)
+        self._bus.publish(CAMERA_CLOUD, self._cloud, camera=self._camera)
         pose = CameraPose(**stamp, frame_id=state.frame_id, pose=body.pose, twist=body.twist)
         self._bus.publish(CAMERA_POSE, pose, camera=self._camera)
         if frame.jpeg is not None:

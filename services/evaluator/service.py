@@ -5,6 +5,7 @@ import logging
 from schemas.camera import CameraInfo
 from schemas.map import MapChanges, MapSummary
 from schemas.message import MessageError
+from schemas.metrics import Quality
 from schemas.sim import SceneSpec, SimState
 from schemas.topics import CAMERA_INFO, MAP_CHANGES, MAP_FULL, MAP_SUMMARY, QUALITY, SIM_STATE
 from services.evaluator.history import History
@@ -46,6 +47,7 @@ class EvaluatorService:
         self._scored_rev: int | None = None
         self._skipped = 0
         self._refused: SceneSpec | None = None
+        self._told: Quality | None = None
         loop.on(SIM_STATE, self._on_state)
         loop.on(CAMERA_INFO, self._on_info)
         loop.on(MAP_CHANGES, self._on_changes)
@@ -61,6 +63,8 @@ class EvaluatorService:
             self._refused = state.scene
             logger.error("cannot score scene %s: %s", state.scene.object, error)
             return
+        if self._told is not None and self._told.tick == state.tick:
+            self._bus.publish(QUALITY, self._told)  # Asked again: what we said was lost.
         self._history.add(state)
         self._score()
 
@@ -109,7 +113,7 @@ class EvaluatorService:
             self._skipped += held.rev - self._scored_rev - 1
         self._scored_rev = held.rev
         with self._loop.stage("score"):
-            quality = self._judge.quality(
+            self._told = self._judge.quality(
                 held, self._mirror.centres(), stamp, newest, self._cameras, self._skipped
             )
-        self._bus.publish(QUALITY, quality)
+        self._bus.publish(QUALITY, self._told)

@@ -44,6 +44,8 @@ class Barrier(Generic[T]):
         self._pending: dict[int, dict[int, T]] = {}
         self._taken: list[int] = []
         self._closed = -1
+        self._used: tuple[int, ...] = ()
+        """Cameras of the instant that was closed last."""
 
     @property
     def alive(self) -> tuple[int, ...]:
@@ -74,7 +76,8 @@ class Barrier(Generic[T]):
         self._failed.discard(camera)
         self._newest[camera] = tick
         if tick <= self._closed or camera in self._taken_at(tick):
-            self.num_late += tick <= self._closed
+            repeated = tick == self._closed and camera in self._used
+            self.num_late += tick <= self._closed and not repeated
         else:
             self._pending.setdefault(tick, {})[camera] = cloud
         return self._advance()
@@ -94,7 +97,7 @@ class Barrier(Generic[T]):
         self._newest.clear()
         self._pending.clear()
         self._taken.clear()
-        self._closed = -1
+        self._closed, self._used = -1, ()
 
     def _advance(self) -> list[Take[T] | Close]:
         steps: list[Take[T] | Close] = []
@@ -110,7 +113,7 @@ class Barrier(Generic[T]):
             used = tuple(self._taken)
             missing = tuple(sorted(self._alive - set(used)))
             steps.append(Close(tick, used, missing))
-            self._closed = tick
+            self._closed, self._used = tick, used
             self._taken.clear()
             del self._pending[tick]
         return steps

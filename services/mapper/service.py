@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from schemas.cloud import Cloud
+from schemas.map import MapChanges, MapSummary
 from schemas.sim import SimClock
 from schemas.target import TargetPose
 from schemas.topics import CAMERA_CLOUD, MAP_CHANGES, MAP_FULL, MAP_SUMMARY, SIM_CLOCK, TARGET_POSE
@@ -41,6 +42,7 @@ class MapperService:
         self._tick: int | None = None
         """The instant that is being fused."""
         self._t_ns, self._t_capture_ns = 0, 0
+        self._told: tuple[MapChanges, MapSummary] | None = None
         self._lockstep = True
         self._timer: Timer | None = None
         self._timed_tick: int | None = None
@@ -68,6 +70,9 @@ class MapperService:
     def _on_target(self, received: Received[TargetPose]) -> None:
         self._track.add(received.message)
         self._go_on([])
+        if self._told is not None and self._told[1].tick == received.message.tick:
+            self._bus.publish(MAP_CHANGES, self._told[0])  # Asked again: what we said was lost.
+            self._bus.publish(MAP_SUMMARY, self._told[1])
 
     def _on_cloud(self, received: Received[Cloud]) -> None:
         cloud = received.message
@@ -119,10 +124,12 @@ class MapperService:
 
     def _publish(self, close: Close) -> None:
         with self._loop.stage("publish"):
-            self._bus.publish(MAP_CHANGES, self._reporter.changes(close.tick, self._t_ns))
+            changes = self._reporter.changes(close.tick, self._t_ns)
+            self._bus.publish(MAP_CHANGES, changes)
             latency_ms = max(time.time_ns() - self._t_capture_ns, 0) * 1e-6
             summary = self._reporter.summary(close, latency_ms, self._barrier.num_late)
             self._bus.publish(MAP_SUMMARY, summary)
+            self._told = changes, summary
         if close.missing:
             logger.warning("tick %d: nothing from cameras %s", close.tick, close.missing)
         self._tick = None

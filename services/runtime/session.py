@@ -8,12 +8,20 @@ import zenoh
 from services.runtime.errors import BusUnavailable
 from services.runtime.settings import BusSettings
 
+_PRIORITIES = (
+    "control", "real_time", "interactive_high", "interactive_low",
+    "data_high", "data", "data_low", "background",
+)  # fmt: skip
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,  # Nothing is sought beyond the endpoints we are given.
     "scouting/gossip/enabled": True,
     "scouting/delay": 50,
     "adminspace/enabled": True,
     "transport/link/tx/lease": 3000,  # A silent peer is given up after 3 s; the default is 10.
+    # By default two messages may wait per link, and a third is dropped after 1 ms: a burst of three
+    # on a busy machine is enough. 16 is zenoh's limit; a frozen receiver costs 20 ms a message.
+    "transport/link/tx/queue/size": dict.fromkeys(_PRIORITIES, 16),
+    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 20_000,
 }
 
 

@@ -83,8 +83,8 @@ class Clock:
             self._barrier.acknowledge(name, tick)
 
     def missing(self) -> tuple[str, ...]:
-        """Return who has not acknowledged; at the last tick the evaluator may not lag either."""
-        return self._barrier.missing(last=self.is_last_tick)
+        """Return who has not acknowledged; the evaluator may lag, but not at the ends."""
+        return self._barrier.missing(strict=self.tick == 0 or self.is_last_tick)
 
     def drop_missing(self) -> tuple[str, ...]:
         """Wait no longer for those who are missing, and return them."""

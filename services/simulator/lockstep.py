@@ -45,12 +45,12 @@ class Barrier:
         self.join(name)
         self._acknowledged[name] = max(tick, self._acknowledged[name])
 
-    def missing(self, last: bool = False) -> tuple[str, ...]:
-        """Return who has not acknowledged the current tick; at the `last` nobody may lag."""
+    def missing(self, strict: bool = False) -> tuple[str, ...]:
+        """Return who has not acknowledged the current tick; if `strict` nobody may lag."""
         return in_order(
             name
             for name, tick in self._acknowledged.items()
-            if tick < self.tick - (0 if last else _LAG_TICKS.get(name.partition("/")[0], 0))
+            if tick < self.tick - (0 if strict else _LAG_TICKS.get(name.partition("/")[0], 0))
         )
 
     def drop(self, missing: tuple[str, ...]) -> None:

@@ -130,15 +130,15 @@ class Simulator:
 
     def _on_timeout(self) -> None:
         if late := self._clock.drop_missing():
-            tick, timeout_s = self._world.tick, self._settings.timeout_s
-            logger.warning("tick %d: nothing from %s in %g s", tick, ", ".join(late), timeout_s)
+            logger.warning("tick %d: nothing from %s in time", self._world.tick, ", ".join(late))
         self._set_timer()
         self._go_on()
 
     def _set_timer(self) -> None:
         self._stop_timer()
         if self._clock.lockstep:
-            self._timer = self._loop.after(self._settings.timeout_s, self._on_timeout)
+            patience_s = self._settings.patience_s(self._world.tick)
+            self._timer = self._loop.after(patience_s, self._on_timeout)
         elif self._clock.state == "running":
             self._timer = self._loop.after(self._pace.wait_s(time.monotonic()), self._end_tick)
 
@@ -165,13 +165,15 @@ class Simulator:
 
     def _announce(self) -> None:
         stalled = time.monotonic() - self._tick_began_s > ANNOUNCE_PERIOD_S
+        waiting_for = self._clock.waiting_for(self._placed())
         match self._clock.state:
             case "waiting":
                 self._bus.publish(TARGET_POSE, target_pose(self._world))
-            case "running" | "paused" if stalled and self._clock.lacks_cameras():
-                self._publish_world()  # Cameras come back by acknowledging this tick.
+            case "running" | "paused" if stalled and waiting_for:
+                # Told twice, it is answered twice: a lost answer comes, a lost camera comes back.
+                self._publish_world()
         if stalled:
-            self._publish_clock(self._clock.waiting_for(self._placed()))
+            self._publish_clock(waiting_for)
 
     def _publish_clock(self, waiting_for: tuple[str, ...]) -> None:
         clock = sim_clock(self._world, self._clock, waiting_for, self._pace.overruns)

@@ -48,6 +48,8 @@ class SimulatorSettings(ServiceSettings):
     """Which other services tick 0 waits for."""
     timeout_s: Positive = 2.0
     """How long a tick waits before it goes on without those who are missing, s (lockstep)."""
+    start_timeout_s: Positive = 10.0
+    """The same at tick 0, when links are made and meshes are loaded, s."""
     command_timeout_s: Positive = 0.5
     """After this time without a new command a camera stands still, s (realtime)."""
     max_ticks: Annotated[int, Field(ge=0)] = 0
@@ -97,3 +99,7 @@ class SimulatorSettings(ServiceSettings):
         by_time = max(1, round(self.duration_s / self.dt_s)) if self.duration_s else 0
         limits = [n for n in (self.max_ticks, by_time) if n > 0]
         return min(limits, default=None)
+
+    def patience_s(self, tick: int) -> float:
+        """Return how long a tick may take in lockstep, s."""
+        return self.timeout_s if tick else max(self.timeout_s, self.start_timeout_s)

@@ -34,7 +34,7 @@ def open_bus(endpoint: str) -> Iterator[Callable[..., Bus]]:
             announce: bool = False,
             namespace: str = "",
         ) -> Bus:
-            settings = BusSettings(connect=endpoint, shm_pool_mib=4, namespace=namespace)
+            settings = BusSettings(connect=endpoint, shm_pool_mib=16, namespace=namespace)
             bus = stack.enter_context(Bus(settings, service, instance))
             if announce:
                 bus.presence.announce()

@@ -169,6 +169,16 @@ def test_in_real_time_the_newest_goal_serves(open_bus: OpenBus) -> None:
         assert 10 < acknowledged <= tick
 
 
+def test_a_state_told_twice_is_answered_twice_and_drawn_once(open_bus: OpenBus) -> None:
+    with camera_in(open_bus) as world:
+        world.tell(goal(4), state(4))
+        first = world.cloud.get(timeout_s=10).message
+        assert world.command.get(timeout_s=10).message.tick == 4
+        world.tell(state(4))
+        assert world.cloud.get(timeout_s=10).message == first  # The shutter's time as well.
+        assert world.command.get(timeout_s=10).message.tick == 4
+
+
 def test_a_camera_that_is_not_in_the_world_yet_is_silent(open_bus: OpenBus) -> None:
     with camera_in(open_bus) as world:
         world.tell(goal(0), state(0, cameras=(1,)))

@@ -173,6 +173,15 @@ def test_clouds_wait_for_the_pose_of_their_tick(start) -> None:
     np.testing.assert_allclose(changes.pose.matrix(), target_pose(1), atol=1e-9)
 
 
+def test_a_pose_told_twice_is_answered_twice_and_a_cloud_told_twice_is_not_late(start) -> None:
+    world = start()
+    told = world.instant(0, 0, 1, 2)
+    world.send(0, 1)
+    world.tell_target(0)
+    assert world.answer() == told
+    assert world.instant(1, 0, 1, 2)[1].late_clouds == 0
+
+
 def test_the_deadline_closes_an_instant_and_names_who_is_missing(start) -> None:
     world = start(deadline_s=0.3)
     _, summary = world.instant(0, 0, 2)

@@ -59,20 +59,24 @@ def test_in_whatever_order_they_acknowledge_the_tick_ends_with_the_last(seed):
     assert clock.tick == 5
 
 
-def test_the_evaluator_may_lag_by_one_tick_but_not_at_the_end():
-    clock = started(num_ticks=3, extra=["evaluator"])
+def test_the_evaluator_may_lag_by_one_tick_but_not_at_the_ends():
+    clock = started(num_ticks=4, extra=["evaluator"])
     acknowledge_all(clock)
-    assert clock.may_end_tick()  # tick 0 without a score.
+    assert clock.missing() == ("evaluator",)  # the first score is waited for.
+    clock.acknowledge("evaluator", 0)
+    clock.end_tick()
+    acknowledge_all(clock)
+    assert clock.may_end_tick()  # tick 1 without a score.
     clock.end_tick()
     acknowledge_all(clock)
     assert clock.missing() == ("evaluator",)
-    clock.acknowledge("evaluator", 0)
+    clock.acknowledge("evaluator", 1)
     assert clock.may_end_tick()
     clock.end_tick()
     acknowledge_all(clock)
-    clock.acknowledge("evaluator", 1)
-    assert clock.missing() == ("evaluator",)  # the last score is waited for.
     clock.acknowledge("evaluator", 2)
+    assert clock.missing() == ("evaluator",)  # the last score is waited for.
+    clock.acknowledge("evaluator", 3)
     assert clock.may_end_tick()
     assert not clock.end_tick()
     assert clock.state == "finished"

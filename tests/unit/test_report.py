@@ -176,6 +176,14 @@ def test_percentiles_are_of_the_instants():
     assert result["latency_ms"] == {"p50": 100, "p95": 190}
 
 
+def test_an_instant_that_is_told_twice_counts_once():
+    record = Record(num_cameras=3)
+    for tick, wall_ns in ((0, 0), (1, 10**9), (1, 5 * 10**9)):
+        record.add_summary(summary(tick), wall_ns)
+    assert record.complete == 2
+    assert record.perceptions_per_s == pytest.approx(1.0)
+
+
 def test_an_instant_that_is_scored_twice_counts_once():
     record = Record(3)
     record.add_quality(quality(4, 0.3))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from services.kernels.rigid import integrate_twist, look_at, pose_error
+from services.simulator.clock import Clock
 from services.simulator.messages import sim_state
 from services.simulator.settings import SimulatorSettings
 from services.simulator.world_state import Limits, World
@@ -71,7 +72,7 @@ def test_the_state_that_is_told_is_the_state_that_is():
         w.spawn(camera, look_at([1 + camera, 0, 0.5], [0, 0, 0.2]))
     for _ in range(7):
         w.advance({2: np.arange(6) / 10})
-    state = sim_state(w, spec)
+    state = sim_state(w, Clock(True, set(), None), spec)
     assert (state.tick, state.t_ns, state.dt_ns) == (7, 7 * DT_NS, DT_NS)
     np.testing.assert_allclose(state.target.matrix(), w.target().pose(), atol=1e-12)
     assert [body.camera for body in state.cameras] == [0, 2]
