@@ -30,8 +30,8 @@ class EvaluatorService:
     That is the summary that closes the instant, the mirror at its revision, the true state at
     its tick, and the optics of the cameras that were fused. These come on different keys, in any
     order, so whichever comes last sets off the scoring. A newer summary takes the place of one
-    that still waits, which is then counted as skipped: in lockstep that does not happen, for the
-    simulator lets the evaluator be one tick late at most.
+    that still waits, which is then counted as skipped, as one is that came too late in realtime.
+    In lockstep that does not happen: the simulator lets the evaluator be one tick late at most.
     """
 
     def __init__(self, settings: EvaluatorSettings, bus: Bus, loop: Loop) -> None:
@@ -48,10 +48,10 @@ class EvaluatorService:
         self._skipped = 0
         self._refused: SceneSpec | None = None
         self._told: Quality | None = None
-        loop.on(SIM_STATE, self._on_state)
+        loop.on(SIM_STATE, self._on_state, every=True)
         loop.on(CAMERA_INFO, self._on_info)
         loop.on(MAP_CHANGES, self._on_changes)
-        loop.on(MAP_SUMMARY, self._on_summary)
+        loop.on(MAP_SUMMARY, self._on_summary, every=True)
 
     def _on_state(self, received: Received[SimState]) -> None:
         state = received.message
@@ -81,6 +81,10 @@ class EvaluatorService:
 
     def _on_summary(self, received: Received[MapSummary]) -> None:
         self._follow(received.envelope.boot)
+        newest = self._history.newest
+        age_ns = received.t_recv_ns - received.envelope.t_pub_ns
+        if newest is not None and newest.mode == "realtime" and age_ns > newest.dt_ns:
+            return  # Too slow to score all: the next is on its way. Lockstep waits for us.
         self._waiting = received.message
         self._score()
 

@@ -42,6 +42,15 @@ class Board:
         self.statuses[name] = status, now_s
         self.record.add_status(status)
 
+    @property
+    def all_heard(self) -> bool:
+        """Whether every service that has not failed has sent us a heartbeat: its link is made."""
+        return all(
+            name in self.statuses
+            for name, child in self.children.items()
+            if child.spec.service != "router" and child.state != "failed"
+        )
+
     def health(self, name: str, now_s: float) -> str:
         """Return `up`, or what is wrong, in a word or two."""
         child = self.children[name]

@@ -67,7 +67,7 @@ def _simulator(settings: RunSettings) -> Flags:
         "dt-s": settings.dt_s,
         "mode": settings.mode,
         "cameras": settings.cameras,
-        "wait-for": ("planner", "mapper", *evaluator),
+        "wait-for": ("planner", "mapper", *evaluator, "launcher"),
         "max-ticks": settings.num_ticks or 0,
         "seed": settings.seed,
     }

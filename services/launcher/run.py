@@ -68,7 +68,7 @@ def run(settings: RunSettings, console: Console) -> int:
         board = Board(supervisor.children, settings.num_ticks, record)
         bus_settings = BusSettings(connect=endpoint, shm_pool_mib=0)
         with Bus(bus_settings, "launcher") as bus, Watch(bus, board) as watch:
-            _follow(settings, console, supervisor, board, watch, interrupt)
+            _follow(settings, console, supervisor, board, bus, watch, interrupt)
             _save_map(bus, results, console)
         restarts = supervisor.restarts
     span_ns = (record.wall_ns[0], record.wall_ns[-1]) if record.wall_ns else None
@@ -90,6 +90,7 @@ def _follow(
     console: Console,
     supervisor: Supervisor,
     board: Board,
+    bus: Bus,
     watch: Watch,
     interrupt: Interrupt,
 ) -> None:
@@ -102,6 +103,8 @@ def _follow(
             for crash in supervisor.poll():
                 _tell(crash, console)
             watch.update(_POLL_S)
+            if board.all_heard:
+                bus.presence.announce()  # Tick 0 waits for us: no instant passes unseen.
             now_s = time.monotonic()
             if now_s < due_s:
                 continue

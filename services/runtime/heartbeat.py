@@ -10,6 +10,8 @@ from services.runtime.bus import Bus
 from services.runtime.meter import StageMeter
 
 PERIOD_S = 1.0
+EARLY_S = (0.2, 0.5)
+"""A new service is shown before its first period is over."""
 _PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
 

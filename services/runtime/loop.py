@@ -15,7 +15,7 @@ from schemas.message import Message
 from schemas.topics import Delivery, Topic
 from services.runtime import command
 from services.runtime.bus import Bus
-from services.runtime.heartbeat import PERIOD_S, Heartbeat
+from services.runtime.heartbeat import EARLY_S, PERIOD_S, Heartbeat
 from services.runtime.inbox import Inbox
 from services.runtime.meter import StageMeter
 from services.runtime.reader import Received
@@ -52,6 +52,8 @@ class Loop:
         self._numbers = itertools.count()
         self._stopped = threading.Event()
         self._heartbeat = Heartbeat(bus, self.stages)
+        for early_s in EARLY_S:
+            self.after(early_s, self._heartbeat.publish)
         self.every(PERIOD_S, self._heartbeat.publish)
 
     def on(
@@ -59,14 +61,21 @@ class Loop:
         topic: Topic[M],
         handler: Callable[[Received[M]], None],
         camera: int | None = None,
+        *,
+        every: bool = False,
     ) -> Callable[[], None]:
         """Call `handler` for what arrives: the newest per key, or all in order, as the row says.
+
+        Args:
+            topic: What to listen to.
+            handler: Called on the loop's thread, with valid messages only.
+            camera: Whose, of a topic per camera; None for all.
+            every: Take all in order, though the row says that the newest is enough.
 
         Returns:
             A function that ends the subscription.
         """
-
-        keep_all = topic.delivery is Delivery.NEVER_DROP
+        keep_all = every or topic.delivery is Delivery.NEVER_DROP
 
         def put(key: str, payload: zenoh.ZBytes) -> None:
             if keep_all:

@@ -6,6 +6,7 @@ from typing import Literal
 from schemas.sim import SimMode
 from services.simulator.lockstep import Barrier, in_order
 
+_ONLOOKERS = {"launcher"}  # The start waits for their links, no tick waits for their answer.
 State = Literal["waiting", "running", "paused", "finished"]
 
 
@@ -73,7 +74,7 @@ class Clock:
             return False
         self._started = True
         # An evaluator is optional: it takes part if it is there in time, or joins later.
-        for name in self._present & (self._expected | {"evaluator"}):
+        for name in (self._present & (self._expected | {"evaluator"})) - _ONLOOKERS:
             self._barrier.join(name)
         return True
 

@@ -34,7 +34,7 @@ from services.world.scene import Scene
 logger = logging.getLogger(__name__)
 
 ANNOUNCE_PERIOD_S = 0.2  # How often the clock is told while it stands.
-_SERVICES = ("camera", "planner", "mapper", "evaluator")
+_SERVICES = ("camera", "planner", "mapper", "evaluator", "launcher")
 
 
 class Simulator:

@@ -44,10 +44,12 @@ def test_every_process_is_this_python_running_a_module_of_ours():
 
 
 def test_without_an_evaluator_nobody_waits_for_it():
-    assert flag(table()["simulator"], "wait-for") == ("planner", "mapper", "evaluator")
+    assert flag(table()["simulator"], "wait-for") == (
+        *("planner", "mapper", "evaluator", "launcher"),
+    )
     specs = table(evaluator=False)
     assert "evaluator" not in specs
-    assert flag(specs["simulator"], "wait-for") == ("planner", "mapper")
+    assert flag(specs["simulator"], "wait-for") == ("planner", "mapper", "launcher")
 
 
 def test_services_agree_on_what_concerns_several():
