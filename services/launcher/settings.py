@@ -30,7 +30,7 @@ class RunSettings(BaseModel):
     """What the object drives along."""
     lap: Annotated[float, Field(gt=0, le=3600)] = 40.0
     """Time once round the path, simulated seconds."""
-    deformation: str = "rigid"
+    deformation: str = "breathing"
     """rigid, or kind[:amplitude[:hz[:phase]]] joined by +; kinds breathing, squash, bend, twist,
     wave."""
 
