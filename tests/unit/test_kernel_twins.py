@@ -4,6 +4,8 @@ Twins of projections and rays are written in double precision; a voxel whose ans
 within the kernel's single precision is left out, and there must be few of them.
 """
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -20,6 +22,7 @@ pytestmark = pytest.mark.unit
 
 BOX = Box(0.02, (-20, -20, 0), (5, 5, 4))
 LOW_M = np.array(BOX.first_key) * BOX.resolution_m
+CORNERS_M = LOW_M + np.moveaxis(np.indices(BOX.shape), 0, -1) * BOX.resolution_m
 INDEX = np.argwhere(np.ones(BOX.num_bricks)).astype(np.int16)
 SENSOR = SensorModel()
 HIT, MISS, LOW, HIGH = SENSOR.fixed_point()
@@ -119,23 +122,17 @@ def voxels_hit(view: View) -> tuple[np.ndarray, np.ndarray]:
     return hit, (np.abs(at - np.round(at)) < NEAR_BORDER).any(axis=-1)
 
 
-def window(width_px: float) -> tuple[int, int]:
-    """Edge of a cell in pixels and of the window in cells, closest to a width."""
-    if width_px < 3.5:
-        return 1, max(1, int(width_px + 0.5))
-    return 2, min(31, int(width_px / 2 + 0.5))
-
-
-def farthest(reach: np.ndarray, cell: int, cells: int, v: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Farthest reach in windows around pixels; v and u count from the image's corner."""
-    rows, columns = (-(-size // cell) for size in reach.shape)
-    grown = np.zeros((rows * cell, columns * cell))
-    grown[: reach.shape[0], : reach.shape[1]] = reach
+def farthest(reach: np.ndarray, width_px: float, v: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Farthest reach in windows of about a width; v and u (px) count from the image's corner."""
+    cell = 1 if width_px < 3.5 else 2
+    cells = min(31, max(1, int(width_px / cell + 0.5)))
+    grown = np.pad(reach, [(0, -size % cell) for size in reach.shape])
+    rows, columns = (size // cell for size in grown.shape)
     cut = np.pad(grown.reshape(rows, cell, columns, cell).max(axis=(1, 3)), cells)
-    maxima = np.lib.stride_tricks.sliding_window_view(cut, (cells, cells)).max(axis=(2, 3))
+    windows = np.lib.stride_tricks.sliding_window_view(cut, (cells, cells))
     middle = 0.5 if cells % 2 == 0 else 0.0
-    first = [np.floor(x / cell + middle).astype(int) - cells // 2 + cells for x in (v, u)]
-    return maxima[first[0], first[1]]
+    top, left = (np.floor(x / cell + middle).astype(int) + (cells + 1) // 2 for x in (v, u))
+    return windows[top, left].max(axis=(-2, -1))
 
 
 def voxels_seen_beyond(view: View) -> tuple[np.ndarray, np.ndarray]:
@@ -144,10 +141,10 @@ def voxels_seen_beyond(view: View) -> tuple[np.ndarray, np.ndarray]:
     Brute force over all voxels: no brick is skipped and none is freed as a whole.
     """
     fx, fy, cx, cy = view.pinhole
-    height, width = view.depth.shape
+    (height, width), margin_m = view.depth.shape, MARGIN * BOX.resolution_m
     reach = np.minimum(view.depth, int(view.max_range_m / view.scale_m)) * view.scale_m
     free, unsure = np.zeros(BOX.shape, bool), np.zeros(BOX.shape, bool)
-    T_camera_map, margin_m = inverse(view.T_map_camera), MARGIN * BOX.resolution_m
+    T_camera_map = inverse(view.T_map_camera)
     for brick in np.ndindex(BOX.num_bricks):
         part = tuple(slice(8 * n, 8 * n + 8) for n in brick)
         voxels = np.moveaxis(np.indices((8, 8, 8)), 0, -1) + 8 * np.array(brick)
@@ -157,11 +154,11 @@ def voxels_seen_beyond(view: View) -> tuple[np.ndarray, np.ndarray]:
         u, v = x * fx / z + cx + 0.5, y * fy / z + cy + 0.5
         says = []
         # As computed first, then with every quantity a little less and a little more.
-        for e, f, d in sorted(np.ndindex(3, 3, 3), key=lambda n: n != (1, 1, 1)) - np.array(1):
+        for e, f, d in [(0, 0, 0), *itertools.product((-1, 1), repeat=3)]:
             a, b = v + e * NEAR_BORDER, u + f * NEAR_BORDER
             seen = (z > 0.02) & (a >= 0) & (b >= 0) & (a < height) & (b < width)
-            cells = window(width_px * (1 + d * 1e-5))
-            far = farthest(reach, *cells, np.where(seen, a, 0), np.where(seen, b, 0))
+            a, b = np.where(seen, a, 0), np.where(seen, b, 0)
+            far = farthest(reach, width_px * (1 + d * 1e-5), a, b)
             says.append(seen & (z + margin_m + d * NEAR_REACH_M < far))
         free[part], unsure[part] = says[0], np.any(says != says[0], axis=0)
     return free, unsure
@@ -170,28 +167,28 @@ def voxels_seen_beyond(view: View) -> tuple[np.ndarray, np.ndarray]:
 def blocky_image(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
     """Surfaces of 9x9 pixels, some noise, pixels that know nothing or saw nothing."""
     blocks = rng.integers(200, 1700, (shape[0] // 9 + 1, shape[1] // 9 + 1))
-    image = np.kron(blocks, np.ones((9, 9), int))[: shape[0], : shape[1]]
-    image = image + rng.integers(0, 10, shape)
+    surfaces = np.kron(blocks, np.ones((9, 9), int))[: shape[0], : shape[1]]
+    image = surfaces + rng.integers(0, 10, shape)
     image[rng.random(shape) < 0.1] = 0
     image[: shape[0] // 4][rng.random((shape[0] // 4, shape[1])) < 0.3] = NO_RETURN
     return image.astype(np.uint16)
 
 
 @pytest.mark.parametrize(
-    ("shape", "focal_px", "eye"),
+    ("rows", "focal_px", "eye"),  # windows of 1 and 2 pixels, of 3 and more, of cells; in the box.
     [
-        ((37, 51), 45.0, (1.0, 0.3, 0.6)),  # windows of 1 and 2 pixels.
-        ((64, 80), 120.0, (-0.7, 0.4, 0.5)),
-        ((91, 121), 260.0, (0.1, -0.6, 0.7)),  # windows of cells.
-        ((48, 64), 50.0, (0.1, 0.05, 0.3)),  # within the box.
+        (37, 45, (1.0, 0.3, 0.6)),
+        (64, 120, (-0.7, 0.4, 0.5)),
+        (91, 260, (0.1, -0.6, 0.7)),
+        (48, 50, (0.1, 0.05, 0.293)),
     ],
 )
 def test_an_image_hits_and_frees_what_projecting_every_voxel_says(
-    rng: np.random.Generator, shape: tuple[int, int], focal_px: float, eye: tuple[float, ...]
+    rng: np.random.Generator, rows: int, focal_px: float, eye: tuple[float, ...]
 ) -> None:
-    pinhole = (focal_px, focal_px * 1.1, shape[1] / 2 - 0.7, shape[0] / 2 + 0.2)
+    pinhole = (focal_px, focal_px * 1.1, rows * 0.7, rows / 2)
     T = look_at(eye, (-0.05, 0.02, 0.25))
-    view = View(blocky_image(rng, shape), pinhole, T, SCALE_M, MAX_RANGE_M)
+    view = View(blocky_image(rng, (rows, rows * 4 // 3)), pinhole, T, SCALE_M, MAX_RANGE_M)
     view.depth[voxels_hit(view)[1] & (view.depth != NO_RETURN)] = 0
     log_odds = random_log_odds(rng)
     store = store_of(log_odds)
@@ -206,8 +203,7 @@ def test_an_image_hits_and_frees_what_projecting_every_voxel_says(
 
 def lengths_m(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """(nx, ny, nz) length of a ray within each voxel; below zero where it passes by."""
-    low = LOW_M + np.moveaxis(np.indices(BOX.shape), 0, -1) * BOX.resolution_m
-    faces = (np.stack([low, low + BOX.resolution_m]) - start) / (end - start)
+    faces = (np.stack([CORNERS_M, CORNERS_M + BOX.resolution_m]) - start) / (end - start)
     enters = np.maximum(faces.min(axis=0).max(axis=-1), 0)
     leaves = np.minimum(faces.max(axis=0).min(axis=-1), 1)
     return (leaves - enters) * np.linalg.norm(end - start)
