@@ -21,6 +21,7 @@ from services.camera.settings import CameraSettings
 from services.camera.sources.open import open_source
 from services.camera.sources.simulated import body_of
 from services.camera.sources.source import Frame
+from services.camera.warm_up import warm_up
 from services.runtime.bus import Bus
 from services.runtime.loop import Loop
 from services.runtime.reader import Received
@@ -35,6 +36,7 @@ class CameraService:
     """
 
     def __init__(self, settings: CameraSettings, bus: Bus, loop: Loop) -> None:
+        warm_up()  # Before others wait for us: the first view must not be late.
         self._settings, self._bus, self._loop = settings, bus, loop
         self._camera = settings.camera
         self._intrinsics = settings.intrinsics()

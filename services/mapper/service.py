@@ -19,6 +19,7 @@ from services.mapper.fusion import Fusion, MemorySettings
 from services.mapper.report import Reporter
 from services.mapper.settings import MapperSettings
 from services.mapper.target_track import TargetTrack
+from services.mapper.warm_up import warm_up
 from services.runtime.bus import Bus
 from services.runtime.command import only
 from services.runtime.loop import Loop, Timer
@@ -33,6 +34,7 @@ class MapperService:
     """Fuses every instant's clouds in camera order, each as soon as its turn has come."""
 
     def __init__(self, settings: MapperSettings, bus: Bus, loop: Loop) -> None:
+        warm_up()  # Before others wait for us: the first instant must not be late.
         self._settings, self._bus, self._loop = settings, bus, loop
         self._fusion = Fusion(settings.empty_map(), settings.memory_settings())
         self._reporter = Reporter(self._fusion, settings.frame, settings.entropy_every)
