@@ -212,7 +212,7 @@ def test_rays_cross_the_voxels_in_which_they_have_a_length(
 
 def test_changes_are_where_the_classes_differ_from_those_told(rng: np.random.Generator) -> None:
     store, _ = random_map(rng)
-    told, told_value = np.zeros((len(INDEX), VOXELS), np.uint8), np.zeros(len(INDEX), np.uint8)
+    told, told_value = np.full((len(INDEX), VOXELS), 9, np.uint8), np.zeros(len(INDEX), np.uint8)
     before, rows = np.zeros(BOX.shape, int), np.empty((2 * VOXELS, 4), np.int16)
     for _ in range(3):
         now = class_of(expanded(store))
