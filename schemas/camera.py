@@ -70,7 +70,7 @@ class CameraInfo(Message):
 
     camera: CameraIndex
     intrinsics: Intrinsics
-    depth_scale_m: Annotated[float, Field(gt=0, le=1)]
+    depth_scale_m: Annotated[float, Field(ge=1e-6, le=1)]
     """Metres per unit of a depth image."""
     min_range_m: Annotated[float, Field(ge=0, le=1e3)]
     max_range_m: Metres

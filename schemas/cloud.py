@@ -33,7 +33,7 @@ class DepthCloud(_CloudBase):
 
     kind: Literal["depth"] = "depth"
     intrinsics: Intrinsics
-    depth_scale_m: Annotated[float, Field(gt=0, le=1)]
+    depth_scale_m: Annotated[float, Field(ge=1e-6, le=1)]
 
     @model_validator(mode="after")
     def _image_has_the_intrinsics_size(self) -> "DepthCloud":

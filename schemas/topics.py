@@ -26,6 +26,9 @@ from schemas.target import TargetPose
 
 M = TypeVar("M", bound=Message, covariant=True)
 
+MAX_KEY_LENGTH = 128
+_INDICES = frozenset(str(camera) for camera in range(MAX_CAMERAS))
+
 RATE_HZ = 15.0
 """Instants per second that everybody declares; lockstep and `--dt` may run otherwise."""
 
@@ -122,6 +125,8 @@ TOPICS: tuple[Topic[Message], ...] = (
 
 def find(key: str) -> Topic[Message] | None:
     """Return the row that a concrete key belongs to."""
+    if len(key) > MAX_KEY_LENGTH:
+        return None
     parts = key.split("/")
     for topic in TOPICS:
         pattern = topic.key.split("/")
@@ -129,7 +134,7 @@ def find(key: str) -> Topic[Message] | None:
             if parts[0] == pattern[0] and 2 <= len(parts) <= 3:
                 return topic
         elif len(parts) == len(pattern) and all(
-            want == have or (want == "{camera}" and have.isdecimal())
+            want == have or (want == "{camera}" and have in _INDICES)
             for want, have in zip(pattern, parts, strict=True)
         ):
             return topic
@@ -139,4 +144,4 @@ def find(key: str) -> Topic[Message] | None:
 def camera_of(key: str) -> int | None:
     """Return the camera index in a concrete key, if it has one."""
     parts = key.split("/")
-    return int(parts[1]) if parts[0] == "cams" and parts[1].isdecimal() else None
+    return int(parts[1]) if parts[0] == "cams" and parts[1] in _INDICES else None

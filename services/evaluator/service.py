@@ -21,6 +21,7 @@ from services.world.errors import WorldError
 
 logger = logging.getLogger(__name__)
 
+_MOST_BEHIND_TICKS = 2
 _SNAPSHOT_TIMEOUT_S = 0.5  # Asked again at the next changes: meanwhile nothing can be scored.
 
 
@@ -82,9 +83,9 @@ class EvaluatorService:
     def _on_summary(self, received: Received[MapSummary]) -> None:
         self._follow(received.envelope.boot)
         newest = self._history.newest
-        age_ns = received.t_recv_ns - received.envelope.t_pub_ns
-        if newest is not None and newest.mode == "realtime" and age_ns > newest.dt_ns:
-            return  # Too slow to score all: the next is on its way. Lockstep waits for us.
+        behind = 0 if newest is None else newest.tick - received.message.tick
+        if newest is not None and newest.mode == "realtime" and behind > _MOST_BEHIND_TICKS:
+            return  # Too slow to score all: a newer is on its way. Lockstep waits for us.
         self._waiting = received.message
         self._score()
 

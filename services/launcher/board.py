@@ -1,5 +1,6 @@
 """What the launcher knows of a run at this moment."""
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -10,6 +11,8 @@ from schemas.status import ServiceStatus, TopicStatus
 from services.launcher.report import Record
 from services.launcher.supervisor import Child
 
+LAST_SCORE_S = 3.0
+"""The run ends without the last score when it has not come by then (realtime may skip it)."""
 SILENT_AFTER_S = 3.0
 """Heartbeats come each second; a service is silent when three are missing."""
 # The stream by which a service is judged; the router has none.
@@ -34,6 +37,8 @@ class Board:
     clock: SimClock | None = None
     summary: MapSummary | None = None
     quality: Quality | None = None
+    finished_s: float | None = None
+    """When the clock was first seen at its end, monotonic."""
 
     def add_status(self, status: ServiceStatus, now_s: float) -> None:
         """Take in a heartbeat."""
@@ -84,9 +89,14 @@ class Board:
         return self._scored
 
     @property
+    def _over(self) -> bool:
+        """Whether the clock has stood at its end for so long that no score is to be expected."""
+        return self.finished_s is not None and time.monotonic() - self.finished_s > LAST_SCORE_S
+
+    @property
     def _scored(self) -> bool:
         evaluator = self.children.get("evaluator")
-        if evaluator is None or evaluator.state == "failed":
+        if evaluator is None or evaluator.state == "failed" or self._over:
             return True
         return self.quality is not None and self.quality.tick + 1 >= self.ticks_done
 
@@ -94,7 +104,7 @@ class Board:
         """Say what the run is waiting for; empty when it flows."""
         unwell: dict[str, list[str]] = {}
         for name in self.children:
-            if (health := self.health(name, now_s)) not in ("up", "finished"):
+            if (health := self.health(name, now_s)) != "up":
                 unwell.setdefault(health, []).append(name)
         if unwell:
             return "; ".join(f"{health}: {', '.join(who)}" for health, who in unwell.items())

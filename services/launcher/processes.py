@@ -103,6 +103,8 @@ def _mapper(settings: RunSettings) -> Flags:
         "voxel-size": settings.voxel_size,
         "memory": settings.memory,
         "frame": settings.frame,
+        "box-min-m": settings.map_box[0],
+        "box-max-m": settings.map_box[1],
     }
 
 

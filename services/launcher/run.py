@@ -27,7 +27,7 @@ _SCREEN_PERIOD_S = 0.25
 _LINE_PERIOD_S = 2.0
 _SAVE_TIMEOUT_S = 20.0
 _VITAL = ("router", "simulator", "planner", "mapper")
-"""Without these nothing flows; a run goes on without a camera or the evaluator."""
+"""Without these nothing flows; once it has begun, a run goes on without a camera or evaluator."""
 EXIT_INTERRUPTED = 130
 
 
@@ -101,7 +101,7 @@ def _follow(
     with Live(console=console, auto_refresh=False, transient=False) as screen:
         while not board.finished and not interrupt.is_set:
             for crash in supervisor.poll():
-                _tell(crash, console)
+                _tell(crash, console, starting=board.summary is None)
             watch.update(_POLL_S)
             if board.all_heard:
                 bus.presence.announce()  # Tick 0 waits for us: no instant passes unseen.
@@ -116,9 +116,10 @@ def _follow(
                 console.print(f"{headline(board)}{f'  ({missing})' if missing else ''}")
 
 
-def _tell(crash: Crash, console: Console) -> None:
+def _tell(crash: Crash, console: Console, *, starting: bool) -> None:
     console.print(f"{crash}; its last lines:\n{crash.log_tail}", style="red", markup=False)
-    if crash.given_up and crash.name.partition("/")[0] in _VITAL:
+    # The start waits for everybody: without one of them it would wait for ever.
+    if crash.given_up and (starting or crash.name.partition("/")[0] in _VITAL):
         raise ChildFailedError(f"{crash.name} cannot be kept alive; the run needs it")
 
 

@@ -102,6 +102,11 @@ class RunSettings(BaseModel):
 
     @model_validator(mode="after")
     def _an_end_or_none(self) -> Self:
+        if self.frame == "world" and self.path != "static":
+            raise ValueError(
+                f"frame world with path {self.path}: the map's box stands around the origin and "
+                "the object would leave it; choose path static or frame target"
+            )
         if self.forever and self.duration is not None:
             raise ValueError("forever and duration exclude each other")
         return self
@@ -111,6 +116,12 @@ class RunSettings(BaseModel):
         """Width and height, pixels."""
         width, height = self.resolution.split("x")
         return int(width), int(height)
+
+    @property
+    def map_box(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        """Corners of the map's box around an object of this height, map frame, metres."""
+        reach, top = 1.5 * self.height, 1.75 * self.height
+        return (-reach, -reach, -0.1), (reach, reach, top)
 
     @property
     def dt_s(self) -> float:

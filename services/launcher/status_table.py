@@ -8,7 +8,7 @@ from services.launcher.board import Board
 
 MAX_ROWS = 16
 """More cameras than fit are shown as one row."""
-_COLOURS = {"up": "green", "finished": "green", "starting": "yellow", "silent": "yellow"}
+_COLOURS = {"up": "green", "starting": "yellow", "silent": "yellow"}
 
 
 def table(board: Board, now_s: float) -> RenderableType:

@@ -23,7 +23,7 @@ _POLL_S = 0.01
 _NEVER_AGAIN = 2
 """Exit code of a service whose settings are wrong: starting it again cannot mend it."""
 
-State = Literal["running", "waiting", "failed", "finished", "stopped"]
+State = Literal["running", "waiting", "failed", "stopped"]
 
 
 @dataclass(frozen=True)
@@ -178,9 +178,7 @@ class Supervisor:
 
     def _ended(self, child: Child, code: int, now_s: float) -> list[Crash]:
         _signal_group(child, signal.SIGKILL)
-        if code == 0:
-            child.state = "finished"
-            return []
+        # Services end only when they are told to: whatever ends by itself, well or not, is missed.
         steady = now_s - child.started_s >= self._policy.steady_after_s
         child.crashes_in_a_row = 1 if steady else child.crashes_in_a_row + 1
         given_up = code == _NEVER_AGAIN or child.crashes_in_a_row > self._policy.max_in_a_row

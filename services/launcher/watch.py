@@ -52,6 +52,8 @@ class Watch:
             board.record.add_quality(quality.message)
         for clock in _waiting(self._clocks):
             board.clock = clock.message
+            if clock.message.state == "finished" and board.finished_s is None:
+                board.finished_s = time.monotonic()
         for status in _waiting(self._statuses):
             board.add_status(status.message, time.monotonic())
 

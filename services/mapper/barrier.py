@@ -9,6 +9,8 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
+_MOST_OPEN = 64  # Instants that may wait; four seconds, far more than a deadline.
+
 
 @dataclass(frozen=True)
 class Take(Generic[T]):
@@ -80,6 +82,8 @@ class Barrier(Generic[T]):
             self.num_late += tick <= self._closed and not repeated
         else:
             self._pending.setdefault(tick, {})[camera] = cloud
+            if len(self._pending) > _MOST_OPEN:  # Somebody counts in another way.
+                del self._pending[max(self._pending)]
         return self._advance()
 
     def expire(self) -> list[Take[T] | Close]:

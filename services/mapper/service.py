@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from schemas.camera import MAX_CAMERAS
 from schemas.cloud import Cloud
 from schemas.map import MapChanges, MapSummary
 from schemas.sim import SimClock
@@ -62,7 +63,7 @@ class MapperService:
         self._lockstep = received.message.mode == "lockstep"
 
     def _on_camera(self, instance: str, alive: bool) -> None:
-        if not instance.isdecimal():
+        if not instance.isdecimal() or int(instance) >= MAX_CAMERAS:
             return
         if alive:
             self._barrier.appear(int(instance))
@@ -70,6 +71,10 @@ class MapperService:
             self._go_on(self._barrier.vanish(int(instance)))
 
     def _on_target(self, received: Received[TargetPose]) -> None:
+        if received.message.frame_id != WORLD:
+            reason = f"frame_id is {received.message.frame_id!r}; it must be {WORLD!r}"
+            self._bus.refuse(received.key, reason)
+            return
         self._track.add(received.message)
         self._go_on([])
         if self._told is not None and self._told[1].tick == received.message.tick:
@@ -80,6 +85,9 @@ class MapperService:
         cloud = received.message
         if cloud.frame_id != WORLD:
             self._bus.refuse(received.key, f"frame_id is {cloud.frame_id!r}; it must be {WORLD!r}")
+            return
+        if self._track.is_far_from(cloud.tick):
+            self._bus.refuse(received.key, f"tick {cloud.tick} is not near the target's newest")
             return
         self._go_on(self._barrier.offer(cloud.tick, cloud.camera, cloud))
 

@@ -10,6 +10,12 @@ _KEPT = 64
 """Poses remembered: four seconds, far more than a barrier waits."""
 
 
+_FAR_TICKS = 128
+"""A cloud of a tick farther off belongs to another run, or to a sensor with a clock of its own."""
+_FAR_S = 1.0
+"""A twist is not carried farther than this."""
+
+
 class TargetTrack:
     """Poses of the target by tick."""
 
@@ -25,6 +31,10 @@ class TargetTrack:
         self._poses[pose.tick] = pose
         while len(self._poses) > _KEPT:
             del self._poses[next(iter(self._poses))]
+
+    def is_far_from(self, tick: int) -> bool:
+        """Whether a tick is so far from the newest pose's that its clock must be another."""
+        return self._newest >= 0 and abs(tick - self._newest) > _FAR_TICKS
 
     def at(self, tick: int, t_ns: int, guess: bool = False) -> NDArray[np.float64] | None:
         """Return T_world_target at a tick.
@@ -44,5 +54,7 @@ class TargetTrack:
             return None
         nearest = min(self._poses.values(), key=lambda pose: abs(pose.t_ns - t_ns))
         dt_s = (t_ns - nearest.t_ns) * 1e-9
+        if abs(dt_s) > _FAR_S:
+            return None
         linear, angular = np.asarray(nearest.twist.linear), np.asarray(nearest.twist.angular)
         return integrate_twist(nearest.pose.matrix(), linear, angular, dt_s)

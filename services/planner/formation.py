@@ -16,6 +16,9 @@ from services.planner.strategies.static import StaticSettings
 StrategyName = Literal["circle", "static", "dome"]
 
 
+Reach = Annotated[float, Field(ge=-1e4, le=1e4)]
+
+
 class FormationSettings(BaseModel):
     """Flat, so that environment, flags and `ctl/planner/set` name each by one word."""
 
@@ -32,7 +35,7 @@ class FormationSettings(BaseModel):
     """How far above the horizontal the centre sees its cameras; circle and static."""
     centre_height_m: Annotated[float, Field(ge=0, le=100)] = 0.2
     """Half the target's height: what the cameras look at, above the target's ground point."""
-    centre_m: tuple[float, float] = (0.0, 0.0)
+    centre_m: tuple[Reach, Reach] = (0.0, 0.0)
     """Middle of the static ring, x and y in the world."""
     view_file: Path | None = None
     """Lines `x y z qx qy qz qw` of the optical frame: in the world (static), in the target's

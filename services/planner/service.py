@@ -22,6 +22,8 @@ from services.runtime.reader import Received
 
 logger = logging.getLogger(__name__)
 
+WORLD = "world"
+
 
 class PlannerService:
     """Answers each pose of the target with a reference for every camera."""
@@ -42,6 +44,9 @@ class PlannerService:
 
     def _on_target(self, received: Received[TargetPose]) -> None:
         pose = received.message
+        if pose.frame_id != WORLD:
+            self._bus.refuse(received.key, f"frame_id is {pose.frame_id!r}; it must be {WORLD!r}")
+            return
         with self._loop.stage("plan"):
             target = _motion(pose).predicted(self._dt_s)
             plan = self._strategy.plan(target, pose.t_ns * 1e-9 + self._dt_s)

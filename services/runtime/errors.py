@@ -21,5 +21,9 @@ class BadCommand(RuntimeFault):
     """A request's parameters are wrong; the text names value, rule and choices."""
 
 
+class SettingsRefused(RuntimeFault):
+    """A service cannot be built from its settings; a restart would not mend it."""
+
+
 class MissingExtra(RuntimeFault):
     """An optional dependency is not installed; the text says which to install."""

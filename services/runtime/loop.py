@@ -40,8 +40,9 @@ class Timer:
 class Loop:
     """Runs a service's handlers one after the other, so that a service needs no locks.
 
-    A message that is not valid is counted by the bus and never reaches a handler; an exception in
-    a handler is a bug and ends the service (its supervisor starts it anew).
+    A message that is not valid is counted by the bus and never reaches a handler; one whose values
+    the service's core refuses (a `ValueError`) is counted likewise. Any other exception in a
+    handler is a bug and ends the service (its supervisor starts it anew).
     """
 
     def __init__(self, bus: Bus) -> None:
@@ -85,8 +86,13 @@ class Loop:
 
         def take(key: str, payload: zenoh.ZBytes) -> None:
             received = self.bus.receive(topic, key, payload)
-            if received is not None:
+            if received is None:
+                return
+            try:
                 handler(received)
+            except (ValueError, ArithmeticError) as error:
+                # Well-formed, and yet nothing the service can work with: numbers out of reach.
+                self.bus.refuse(key, f"{type(error).__name__}: {error}")
 
         return self.bus.feed(topic, put, camera, keep_all=keep_all)
 

@@ -15,6 +15,7 @@ from schemas.topics import Topic
 
 ALIVE_PERIODS = 10  # openpilot's SubMaster: alive = newer than 10 periods.
 RATE_SHARE = 0.9  # openpilot's SubMaster: freq_ok = at least 90 % of the declared rate.
+_MOST = 2**63 - 1  # msgpack's integers end; a sender may number as it likes.
 _WINDOW = 100  # Gaps that a rate is the mean of, as openpilot.
 
 
@@ -42,7 +43,7 @@ class TopicMeter:
     def follow(self, envelope: Envelope) -> None:
         """Count what the sender numbered and we never saw; a restart begins anew."""
         if envelope.boot == self._boot and envelope.seq > self._seq:
-            self.lost += envelope.seq - self._seq - 1
+            self.lost = min(self.lost + envelope.seq - self._seq - 1, _MOST)
         self._boot, self._seq = envelope.boot, envelope.seq
 
     def status(self, now_s: float) -> TopicStatus:

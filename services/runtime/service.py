@@ -12,7 +12,7 @@ import tyro
 from pydantic import ValidationError
 
 from services.runtime.bus import Bus
-from services.runtime.errors import BusUnavailable, MissingExtra
+from services.runtime.errors import BusUnavailable, MissingExtra, SettingsRefused
 from services.runtime.log import start_logging
 from services.runtime.loop import Loop
 from services.runtime.settings import ServiceSettings
@@ -44,7 +44,7 @@ def main(
     try:
         with Bus(settings.bus, service, instance) as bus:
             run(settings, bus, build)
-    except (MissingExtra, BusUnavailable) as error:
+    except (MissingExtra, BusUnavailable, SettingsRefused) as error:
         logger.error("%s", error)
         sys.exit(EXIT_SETTINGS)
     # The bus is closed and the log is out. Taking LLVM and the libraries' threads apart costs
@@ -76,7 +76,10 @@ def run(settings: S, bus: Bus, build: Callable[[S, Bus, Loop], object]) -> None:
     if threading.current_thread() is threading.main_thread():
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: loop.stop())
-    service = build(settings, bus, loop)
+    try:
+        service = build(settings, bus, loop)
+    except ValueError as error:  # The core's word on settings that are each valid: not a crash.
+        raise SettingsRefused(f"{type(error).__name__}: {error}") from error
     logger.info("up: %s", settings.model_dump_json(exclude={"bus"}))
     loop.run()
     del service

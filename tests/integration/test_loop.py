@@ -11,12 +11,14 @@ from collections.abc import Callable
 
 import pytest
 
-from schemas.topics import MAP_FULL
+from schemas.topics import MAP_FULL, TARGET_POSE
 from services.runtime.bus import Bus
 from services.runtime.loop import Loop
+from services.runtime.reader import Received
 from services.runtime.router import router
 from tests.examples import EXAMPLES
 from tests.integration.conftest import running
+from tests.integration.test_bus import wait_until_read
 
 pytestmark = pytest.mark.integration
 
@@ -68,6 +70,27 @@ def test_a_topic_on_request_is_fetched_whole(open_bus: OpenBus) -> None:
     loop.answer(MAP_FULL, lambda: full)
     with running(loop):
         assert asker.fetch(MAP_FULL) == full
+
+
+def test_what_the_core_refuses_is_counted_and_the_service_lives(open_bus: OpenBus) -> None:
+    sender, receiver = open_bus("simulator"), open_bus("planner")
+    loop, seen = Loop(receiver), queue.Queue()
+
+    def picky(received: Received) -> None:
+        if received.message.tick == 1:
+            raise ValueError("tick 1 is out of reach")
+        seen.put(received.message.tick)
+
+    loop.on(TARGET_POSE, picky, every=True)
+    pose = EXAMPLES["target_pose"][1]
+    with running(loop):
+        wait_until_read(sender, TARGET_POSE)
+        for tick in (0, 1, 2):
+            sender.publish(TARGET_POSE, pose.model_copy(update={"tick": tick}))
+        assert [seen.get(timeout=5), seen.get(timeout=5)] == [0, 2]
+    (meter,) = [meter for meter in receiver.meters if meter.key == "target/pose"]
+    assert meter.bad == 1
+    assert "tick 1 is out of reach" in receiver.last_refusal
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

@@ -105,7 +105,7 @@ def test_a_restarted_process_is_starting_until_it_reports_itself(board):
 
 @pytest.mark.parametrize(
     ("state", "health"),
-    [("waiting", "restarting"), ("failed", "given up"), ("finished", "finished")],
+    [("waiting", "restarting"), ("failed", "given up")],
 )
 def test_a_process_that_does_not_run_says_why(board, state, health):
     board.children["camera/0"].state = state

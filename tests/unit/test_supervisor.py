@@ -87,12 +87,12 @@ def test_wrong_settings_are_not_tried_again(tmp_path):
         assert supervisor.restarts == 0
 
 
-def test_a_process_that_ends_well_is_left_alone(tmp_path):
+def test_a_process_that_ends_by_itself_is_missed_however_well_it_ends(tmp_path):
     with Supervisor([python("done", "pass")], tmp_path, AT_ONCE) as supervisor:
         supervisor.start()
-        child = supervisor.children["done"]
-        wait_for(lambda: supervisor.poll() or child.state == "finished")
-        assert supervisor.restarts == 0
+        (crash,) = wait_for(supervisor.poll)
+        assert (crash.name, crash.exit_code, crash.given_up) == ("done", 0, False)
+        wait_for(lambda: supervisor.poll() or supervisor.restarts == 1)
 
 
 def test_a_restart_waits_for_its_delay(tmp_path):

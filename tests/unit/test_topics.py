@@ -33,7 +33,19 @@ def test_quality_is_not_taken_for_a_service() -> None:
 
 
 @pytest.mark.parametrize(
-    "key", ["cams/x/pose", "cams/3", "cams/3/pose/x", "map", "", "metrics", "metrics/a/b/c"]
+    "key",
+    [
+        "cams/x/pose",
+        "cams/3",
+        "cams/3/pose/x",
+        "map",
+        "",
+        "metrics",
+        "metrics/a/b/c",
+        "cams/64/pose",
+        "cams/007/pose",
+        "metrics/" + "x" * 300,
+    ],
 )
 def test_a_strange_key_finds_nothing(key: str) -> None:
     assert find(key) is None
