@@ -39,6 +39,7 @@ def cull(bricks, T, half, camera, size, tiles, edge, scan, low, margin, out):  #
         np.float32(width - 1),
         np.float32(height - 1),
     )
+    rim = np.float32(0.5)
     # Taken out of the tuple once: numba counts references at every access.
     slots, values, hit_scan = bricks.slot, bricks.value, bricks.hit_scan
     far = zero
@@ -73,7 +74,8 @@ def cull(bricks, T, half, camera, size, tiles, edge, scan, low, margin, out):  #
                     u1 = right * fx * (near if right > zero else back) + cx
                     v0 = top * fy * (back if top > zero else near) + cy
                     v1 = bottom * fy * (near if bottom > zero else back) + cy
-                    if u1 < zero or v1 < zero or u0 > last_u or v0 > last_v:
+                    # A pixel reaches half of itself beyond its centre, also at the image's rim.
+                    if u1 < -rim or v1 < -rim or u0 > last_u + rim or v0 > last_v + rim:
                         continue
                     inside = u0 >= zero and v0 >= zero and u1 <= last_u and v1 <= last_v
                     reach = reach_px(level)

@@ -75,11 +75,11 @@ class MapperService:
             reason = f"frame_id is {received.message.frame_id!r}; it must be {WORLD!r}"
             self._bus.refuse(received.key, reason)
             return
-        self._track.add(received.message)
-        self._go_on([])
         if self._told is not None and self._told[1].tick == received.message.tick:
             self._bus.publish(MAP_CHANGES, self._told[0])  # Asked again: what we said was lost.
             self._bus.publish(MAP_SUMMARY, self._told[1])
+        self._track.add(received.message)
+        self._go_on([])
 
     def _on_cloud(self, received: Received[Cloud]) -> None:
         cloud = received.message

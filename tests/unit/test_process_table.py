@@ -65,3 +65,18 @@ def test_services_agree_on_what_concerns_several():
 )
 def test_the_simulator_knows_when_to_finish(settings, ticks):
     assert flag(table(**settings)["simulator"], "max-ticks") == (ticks,)
+
+
+def test_the_maps_box_holds_an_object_of_any_height():
+    for height in (0.1, 0.4, 2.0):
+        mapper = table(height=height)["mapper"]
+        low = [float(value) for value in flag(mapper, "box-min-m")]
+        high = [float(value) for value in flag(mapper, "box-max-m")]
+        assert low[2] < 0 < 1.2 * height < high[2]
+        assert min(high[0], high[1], -low[0], -low[1]) >= 1.4 * height
+
+
+def test_a_map_that_its_object_would_leave_is_refused():
+    with pytest.raises(ValueError, match="choose path static or frame target"):
+        RunSettings(frame="world", path="ellipse")
+    assert RunSettings(frame="world", path="static").map_box
