@@ -1,11 +1,13 @@
 """The board: who is well, what is missing, when a run is over."""
 
+import time
+
 import pytest
 from rich.console import Console
 
 from schemas.sim import SimClock
 from schemas.status import ServiceStatus, TopicStatus
-from services.launcher.board import SILENT_AFTER_S, Board
+from services.launcher.board import LAST_SCORE_S, SILENT_AFTER_S, Board
 from services.launcher.processes import ProcessSpec
 from services.launcher.report import Record
 from services.launcher.status_table import headline, table
@@ -110,6 +112,23 @@ def test_a_restarted_process_is_starting_until_it_reports_itself(board):
 def test_a_process_that_does_not_run_says_why(board, state, health):
     board.children["camera/0"].state = state
     assert board.health("camera/0", 1.0) == health
+
+
+def test_a_run_whose_clock_has_ended_waits_for_the_last_score_but_not_for_ever(board):
+    board.children["evaluator"] = child("evaluator", 200)
+    board.clock = clock("finished", tick=9)
+    board.finished_s = time.monotonic()
+    assert not board.finished
+    board.finished_s -= LAST_SCORE_S + 0.1
+    assert board.finished
+
+
+def test_all_are_heard_when_each_has_reported_and_the_failed_do_not_count(board):
+    assert board.all_heard
+    board.children["evaluator"] = child("evaluator", 200)
+    assert not board.all_heard
+    board.children["evaluator"].state = "failed"
+    assert board.all_heard
 
 
 def test_what_is_missing_is_named(board):

@@ -71,6 +71,17 @@ def test_every_voxel_is_updated_once_and_a_hit_beats_a_miss() -> None:
     assert values.tolist() == [miss, hit]
 
 
+@pytest.mark.parametrize(("raw", "hits"), [(999, True), (1000, True), (1001, False)])
+def test_a_return_at_the_range_limit_counts_and_one_beyond_it_only_carves(
+    raw: int, hits: bool
+) -> None:
+    ours = VoxelMap(0.05, (-0.5, -0.5, 0.0), (0.5, 0.5, 1.5))
+    image = np.full((48, 64), raw, np.uint16)
+    fused = ours.fuse_depth(image, (60.0, 60.0, 31.5, 23.5), np.eye(4), 0.001, 1.0)
+    assert (fused.num_hits > 0) == (ours.counts().occupied > 0) == hits
+    assert ours.counts().free > 0
+
+
 def test_a_camera_inside_the_box_frees_what_is_before_it_alone() -> None:
     ours = VoxelMap(0.02, LOW, HIGH)
     T = np.eye(4)
