@@ -6,6 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+WORLD = "world"
+"""The fixed frame: z up, the ground at z = 0."""
+
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
 Vector3 = tuple[Coordinate, Coordinate, Coordinate]
 """x, y, z."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from schemas.camera import MAX_CAMERAS
 from schemas.cloud import Cloud
+from schemas.geometry import WORLD
 from schemas.map import MapChanges, MapSummary
 from schemas.sim import SimClock
 from schemas.target import TargetPose
@@ -27,8 +28,6 @@ from services.runtime.loop import Loop, Timer
 from services.runtime.reader import Received
 
 logger = logging.getLogger(__name__)
-
-WORLD = "world"
 
 
 class MapperService:

@@ -7,7 +7,7 @@ import numpy as np
 
 from schemas.camera import CameraGoal
 from schemas.formation import Formation, Reference
-from schemas.geometry import Pose, Twist
+from schemas.geometry import WORLD, Pose, Twist
 from schemas.target import TargetPose
 from schemas.topics import CAMERA_GOAL, FORMATION, TARGET_POSE
 from services.planner.formation import FormationSettings
@@ -21,8 +21,6 @@ from services.runtime.loop import Loop
 from services.runtime.reader import Received
 
 logger = logging.getLogger(__name__)
-
-WORLD = "world"
 
 
 class PlannerService:

@@ -2,13 +2,11 @@
 
 import time
 
-from schemas.geometry import Pose, Twist
+from schemas.geometry import WORLD, Pose, Twist
 from schemas.sim import CameraBody, SceneSpec, SimClock, SimState
 from schemas.target import TargetPose
 from services.simulator.clock import Clock
 from services.simulator.world_state import World
-
-WORLD = "world"
 
 
 def target_pose(world: World) -> TargetPose:
