@@ -1,7 +1,7 @@
 # `make check` and `make test` are what CI runs.
 PYTHON ?= python3
 
-.PHONY: setup check format test bench
+.PHONY: setup check audit format test bench
 
 setup:
 	$(PYTHON) -m pip install -e '.[all,dev]'
@@ -11,6 +11,11 @@ check:
 	ruff format --check .
 	mypy
 	lint-imports
+	bandit -q -c pyproject.toml -r schemas services
+
+# Known vulnerabilities of what is installed: asks PyPI's service, so `check` cannot.
+audit:
+	pip-audit --skip-editable
 
 format:
 	ruff check --fix .
@@ -23,4 +28,5 @@ bench:
 	$(PYTHON) benchmarks/codec.py
 	$(PYTHON) benchmarks/mapping.py
 	$(PYTHON) benchmarks/rendering.py
+	$(PYTHON) benchmarks/planning.py
 	$(PYTHON) benchmarks/pipeline.py

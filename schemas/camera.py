@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from schemas.geometry import Pose, Twist
+from schemas.geometry import Coordinate, Pose, Twist
 from schemas.message import ArrayLayout, ArrayMessage, Message, Name
 
 MAX_CAMERAS = 64
@@ -42,12 +42,30 @@ class Intrinsics(BaseModel):
         )
 
 
+class RobotGoal(BaseModel):
+    """How the wheeled robot below a camera shall drive; it is where the camera is."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+
+    heading_rad: Annotated[float, Field(ge=-10, le=10)]
+    """phi_r, about the world's z from x; no angle on the circle."""
+    v_mps: Coordinate
+    """Along the heading; negative in reverse."""
+    omega_rps: Coordinate
+    v_dot: Coordinate
+    """m/s^2."""
+    camera_yaw_rad: Annotated[float, Field(ge=-10, le=10)]
+    """psi: how the camera is fixed on the robot, from the heading to where it looks."""
+
+
 class CameraGoal(Message):
     """The view a camera shall hold at the next instant, and how that view moves (world axes)."""
 
     camera: CameraIndex
     pose: Pose
     twist: Twist
+    robot: RobotGoal | None = None
+    """The same for a camera that is fixed on a robot with wheels; None: the camera flies."""
 
 
 class CameraPose(Message):
@@ -63,6 +81,14 @@ class CameraCommand(Message):
 
     camera: CameraIndex
     twist: Twist
+    camera_yaw_rad: Annotated[float, Field(ge=-10, le=10)] | None = None
+    """How the camera is turned against the heading of its robot, if it asks for wheels."""
+
+
+class CloudHeard(Message):
+    """The mapper has camera `camera`'s cloud of this tick, and so all that it will have before."""
+
+    camera: CameraIndex
 
 
 class CameraInfo(Message):

@@ -5,6 +5,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field
 
 from schemas.camera import MAX_CAMERAS, CameraIndex
+from schemas.feasibility import Feasibility
 from schemas.geometry import Pose, Twist, Vector3
 from schemas.message import Message, Name
 
@@ -29,3 +30,5 @@ class Formation(Message):
     references: Annotated[tuple[Reference, ...], Field(max_length=MAX_CAMERAS)]
     polygon: Annotated[tuple[Vector3, ...], Field(max_length=MAX_CAMERAS)]
     """Corners of the formation in order, world; empty when the strategy has none."""
+    feasibility: Feasibility | None = None
+    """Of these references while the target moves so; None when it is not known."""

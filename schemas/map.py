@@ -27,7 +27,8 @@ class _MapArray(ArrayMessage):
     """Counts up with every instant that was fused."""
     resolution_m: Resolution
     origin: Vector3
-    """Corner of voxel (0, 0, 0) in the map's frame, metres."""
+    """Corner of voxel (0, 0, 0) in the map's frame, metres. A box that follows something moves, by
+    whole voxels: what leaves it is forgotten, of what enters it all that is known is told."""
     shape_voxels: VoxelCounts
     """Size of the map's box."""
     pose: Pose
@@ -37,7 +38,8 @@ class _MapArray(ArrayMessage):
 class MapChanges(_MapArray):
     """Voxels whose class changed since `base_rev`: rows i, j, k, class.
 
-    When `base_rev` is not the revision you have, you missed some: ask `map/full`.
+    When `base_rev` is not the revision you have, you missed some: ask `map/full`. Indices count
+    from `origin`, which may have moved since. More changes than fit come with the next revisions.
     """
 
     LAYOUT: ClassVar[ArrayLayout] = ArrayLayout("<i2", (None, 4), 256 << 20)
@@ -99,3 +101,9 @@ class MapSummary(Message):
     late_clouds: Count = 0
     """Clouds that came after their instant had been closed, since start."""
     memory: Literal["persistent", "instant", "decay"]
+    origin: Vector3 | None = None
+    """Corner of the map's box in the map's frame, m; it moves if the box follows something."""
+    archived_bricks: Count = 0
+    """Bricks of 8 x 8 x 8 voxels that are remembered outside the box."""
+    num_dynamic: Count = 0
+    """Occupied voxels that had been free for long before; 0 if nobody asked the mapper to watch."""

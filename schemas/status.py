@@ -27,7 +27,8 @@ class TopicStatus(BaseModel):
     rate_ok: bool
     """At least 90 % of the declared rate."""
     lost: Count
-    """Gaps in the sender's numbering, and messages the receiver let go."""
+    """Gaps in the sender's numbering, messages the receiver let go, and those that a sender held
+    back until newer ones took their place."""
     bad: Count
     """Messages refused as invalid."""
     shared_memory: Count
@@ -51,6 +52,10 @@ class ServiceStatus(Message):
 
     service: Name
     instance: Name
+    version: Annotated[str, Field(max_length=64)] = ""
+    """Of encircle, as the sender has it installed; empty: it did not say."""
+    host: Annotated[str, Field(max_length=255)] = ""
+    """Name of the sender's machine, whose clock its stamps are of; empty: it did not say."""
     pid: Count
     uptime_s: Annotated[float, Field(ge=0)]
     cpu_s: Annotated[float, Field(ge=0)]

@@ -13,6 +13,7 @@ from schemas.camera import (
     CameraGoal,
     CameraInfo,
     CameraPose,
+    CloudHeard,
     ColorImage,
 )
 from schemas.cloud import CLOUD, Cloud
@@ -22,7 +23,7 @@ from schemas.message import Message
 from schemas.metrics import Quality
 from schemas.sim import SimClock, SimState
 from schemas.status import ServiceStatus
-from schemas.target import TargetPose
+from schemas.target import TargetEstimate, TargetObservation, TargetPose
 
 M = TypeVar("M", bound=Message, covariant=True)
 
@@ -57,6 +58,8 @@ class Topic(Generic[M]):
     delivery: Delivery
     sender: str
     shared_memory: bool = False
+    truth: bool = False
+    """What is really so: planner and mapper must do without it."""
 
     @cached_property
     def adapter(self) -> TypeAdapter[Any]:
@@ -85,6 +88,12 @@ class Topic(Generic[M]):
 _LATEST, _LATCHED = Delivery.LATEST_WINS, Delivery.LATCHED
 
 TARGET_POSE = Topic[TargetPose]("target/pose", TargetPose, RATE_HZ, _LATEST, "simulator")
+TARGET_OBSERVATION = Topic[TargetObservation](
+    "target/observation", TargetObservation, RATE_HZ, _LATEST, "simulator"
+)
+TARGET_ESTIMATE = Topic[TargetEstimate](
+    "target/estimate", TargetEstimate, RATE_HZ, _LATEST, "planner"
+)
 CAMERA_GOAL = Topic[CameraGoal]("cams/{camera}/goal", CameraGoal, RATE_HZ, _LATEST, "planner")
 CAMERA_POSE = Topic[CameraPose]("cams/{camera}/pose", CameraPose, RATE_HZ, _LATEST, "camera")
 CAMERA_COMMAND = Topic[CameraCommand](
@@ -93,6 +102,7 @@ CAMERA_COMMAND = Topic[CameraCommand](
 CAMERA_INFO = Topic[CameraInfo]("cams/{camera}/info", CameraInfo, 1.0, _LATCHED, "camera")
 CAMERA_CLOUD = Topic[Cloud]("cams/{camera}/cloud", CLOUD, RATE_HZ, _LATEST, "camera", True)
 CAMERA_COLOR = Topic[ColorImage]("cams/{camera}/color", ColorImage, 0, _LATEST, "camera", True)
+CLOUD_HEARD = Topic[CloudHeard]("cams/{camera}/heard", CloudHeard, 0, _LATEST, "mapper")
 FORMATION = Topic[Formation]("formation", Formation, RATE_HZ, _LATEST, "planner")
 MAP_CHANGES = Topic[MapChanges](
     "map/changes", MapChanges, RATE_HZ, Delivery.NEVER_DROP, "mapper", True
@@ -102,16 +112,19 @@ MAP_SUMMARY = Topic[MapSummary]("map/summary", MapSummary, RATE_HZ, _LATEST, "ma
 SERVICE_STATUS = Topic[ServiceStatus]("metrics/{service}", ServiceStatus, 1.0, _LATEST, "all")
 QUALITY = Topic[Quality]("metrics/quality", Quality, RATE_HZ, _LATEST, "evaluator")
 SIM_CLOCK = Topic[SimClock]("sim/clock", SimClock, RATE_HZ, _LATEST, "simulator")
-SIM_STATE = Topic[SimState]("sim/state", SimState, RATE_HZ, _LATEST, "simulator")
+SIM_STATE = Topic[SimState]("sim/state", SimState, RATE_HZ, _LATEST, "simulator", truth=True)
 
 TOPICS: tuple[Topic[Message], ...] = (
     TARGET_POSE,
+    TARGET_OBSERVATION,
+    TARGET_ESTIMATE,
     CAMERA_GOAL,
     CAMERA_POSE,
     CAMERA_COMMAND,
     CAMERA_INFO,
     CAMERA_CLOUD,
     CAMERA_COLOR,
+    CLOUD_HEARD,
     FORMATION,
     MAP_CHANGES,
     MAP_FULL,

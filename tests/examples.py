@@ -7,10 +7,13 @@ from schemas.camera import (
     CameraGoal,
     CameraInfo,
     CameraPose,
+    CloudHeard,
     ColorImage,
     Intrinsics,
+    RobotGoal,
 )
 from schemas.cloud import DepthCloud, XyzCloud
+from schemas.feasibility import Feasibility, RobotNeeds, Rule
 from schemas.formation import Formation, Reference
 from schemas.geometry import Pose, Twist
 from schemas.map import MapChanges, MapFull, MapSummary
@@ -18,7 +21,7 @@ from schemas.message import Envelope, Message
 from schemas.metrics import Missing, Quality, Score
 from schemas.sim import CameraBody, DeformationSpec, SceneSpec, SimClock, SimState
 from schemas.status import ServiceStatus, StageStatus, TopicStatus
-from schemas.target import TargetPose
+from schemas.target import Sighting, TargetEstimate, TargetObservation, TargetPose
 from schemas.topics import (
     CAMERA_CLOUD,
     CAMERA_COLOR,
@@ -26,6 +29,7 @@ from schemas.topics import (
     CAMERA_GOAL,
     CAMERA_INFO,
     CAMERA_POSE,
+    CLOUD_HEARD,
     FORMATION,
     MAP_CHANGES,
     MAP_FULL,
@@ -34,6 +38,8 @@ from schemas.topics import (
     SERVICE_STATUS,
     SIM_CLOCK,
     SIM_STATE,
+    TARGET_ESTIMATE,
+    TARGET_OBSERVATION,
     TARGET_POSE,
     Topic,
 )
@@ -64,8 +70,45 @@ _SCORE = Score(
 
 EXAMPLES: dict[str, tuple[Topic[Message], Message]] = {
     "target_pose": (TARGET_POSE, TargetPose(**_STAMP, pose=_POSE, twist=_TWIST)),
+    "target_observation": (
+        TARGET_OBSERVATION,
+        TargetObservation(
+            **_STAMP,
+            sighting=Sighting(t_ns=1_900_000_000, pose=_POSE, sigma_m=0.02, sigma_rad=0.006),
+        ),
+    ),
+    "target_estimate": (
+        TARGET_ESTIMATE,
+        TargetEstimate(
+            **_STAMP,
+            pose=_POSE,
+            twist=_TWIST,
+            sigma_m=0.01,
+            sigma_rad=0.02,
+            num_used=28,
+            num_refused=1,
+            num_missed=2,
+        ),
+    ),
     "camera_goal": (CAMERA_GOAL, CameraGoal(**_STAMP, camera=3, pose=_POSE, twist=_TWIST)),
+    "camera_goal_of_a_unicycle": (
+        CAMERA_GOAL,
+        CameraGoal(
+            **_STAMP,
+            camera=3,
+            pose=_POSE,
+            twist=_TWIST,
+            robot=RobotGoal(
+                heading_rad=0.5,
+                v_mps=0.25,
+                omega_rps=-0.3,
+                v_dot=0.125,
+                camera_yaw_rad=-2.0,
+            ),
+        ),
+    ),
     "camera_pose": (CAMERA_POSE, CameraPose(**_STAMP, camera=3, pose=_POSE, twist=_TWIST)),
+    "cloud_heard": (CLOUD_HEARD, CloudHeard(**_STAMP, camera=3)),
     "camera_command": (CAMERA_COMMAND, CameraCommand(**_STAMP, camera=3, twist=_TWIST)),
     "camera_info": (
         CAMERA_INFO,
@@ -107,6 +150,49 @@ EXAMPLES: dict[str, tuple[Topic[Message], Message]] = {
             radius_m=1.1,
             references=(Reference(camera=3, pose=_POSE, twist=_TWIST),),
             polygon=((1.0, 0.0, 0.2),),
+        ),
+    ),
+    "formation_with_feasibility": (
+        FORMATION,
+        Formation(
+            **_STAMP,
+            strategy="circle",
+            centre=(0.0, 0.0, 0.2),
+            radius_m=1.1,
+            references=(Reference(camera=3, pose=_POSE, twist=_TWIST),),
+            polygon=((1.0, 0.0, 0.2),),
+            feasibility=Feasibility(
+                feasible=False,
+                kappa_max_1pm=0.5,
+                critical_scale_m=1.0,
+                finite_set_scale_m=1.25,
+                least_scale_m=None,
+                greatest_scale_m=None,
+                robots_apart_m=None,
+                target_apart_m=1.5,
+                rules=(
+                    Rule(
+                        name="field of view",
+                        inequality="max |beta_ri| + beta_R <= beta",
+                        sense="<=",
+                        value=0.75,
+                        limit=0.5,
+                        unit="rad",
+                        holds=False,
+                    ),
+                ),
+                robots=(
+                    RobotNeeds(
+                        theta_rad=-1.0,
+                        bearing_rad=0.75,
+                        margin_rad=-0.25,
+                        share_in_view=0.5,
+                        v_min_mps=0.25,
+                        v_max_mps=0.5,
+                        omega_rps=0.125,
+                    ),
+                ),
+            ),
         ),
     ),
     "map_changes": (
@@ -180,6 +266,24 @@ EXAMPLES: dict[str, tuple[Topic[Message], Message]] = {
                 ),
             ),
             stages=(StageStatus(name="render", count=30, total_s=0.1, p50_ms=3.0, p95_ms=4.0),),
+        ),
+    ),
+    "service_status_with_version": (
+        SERVICE_STATUS,
+        ServiceStatus(
+            **_STAMP,
+            service="mapper",
+            instance="0",
+            version="0.1.0",
+            host="robot-3",
+            pid=4712,
+            uptime_s=12.0,
+            cpu_s=3.5,
+            rss_bytes=123_456_789,
+            shm_used=None,
+            bad_messages=0,
+            topics=(),
+            stages=(),
         ),
     ),
     "sim_clock": (

@@ -1,37 +1,45 @@
-"""From messages to the drive and back: which velocity a camera asks for at a tick."""
+"""What a pilot is: which velocity a camera asks of its robot at a tick."""
 
-import numpy as np
+from typing import NamedTuple, Protocol
 
 from schemas.camera import CameraGoal
 from schemas.geometry import Twist
 from schemas.sim import CameraBody
-from services.camera.drive import DriveLimits, follow
-from services.kernels.rigid import integrate_twist
 
-# A reference whose planner fell silent goes on for so long and then stands still.
-_MAX_COAST_S = 0.5
+MAX_COAST_S = 0.5
+"""A reference whose planner fell silent goes on for so long and then stands still."""
 
 
-def command(
-    body: CameraBody, tick: int, goal: CameraGoal, dt_s: float, limits: DriveLimits
-) -> Twist:
-    """Return the velocity for the time from `tick` to the next.
+class Pilot(Protocol):
+    """Follows the goals of one camera."""
 
-    Args:
-        body: where the camera is at `tick`.
-        tick: the instant at hand.
-        goal: the view to hold one tick after the goal's own; an older one is moved on by its twist.
-        dt_s: between two ticks.
-        limits: of the camera's robot.
-    """
-    linear, angular = np.array(goal.twist.linear), np.array(goal.twist.angular)
-    lag_s = (tick - goal.tick) * dt_s
-    coast_s = min(max(lag_s, -_MAX_COAST_S), _MAX_COAST_S)
-    T_world_goal = integrate_twist(goal.pose.matrix(), linear, angular, coast_s)
-    if coast_s != lag_s:
-        linear, angular = np.zeros(3), np.zeros(3)
-    velocity = np.array(body.twist.linear)
-    linear, angular = follow(
-        body.pose.matrix(), velocity, T_world_goal, linear, angular, dt_s, limits
-    )
-    return Twist(linear=tuple(linear.tolist()), angular=tuple(angular.tolist()))
+    def objection(self, goal: CameraGoal) -> str | None:
+        """Return why the goal cannot be followed; None if it can."""
+        ...
+
+    def command(self, body: CameraBody, tick: int, goal: CameraGoal, dt_s: float) -> Twist:
+        """Return the velocity for the time from `tick` to the next, world axes.
+
+        Args:
+            body: where the camera is at `tick`.
+            tick: the instant at hand.
+            goal: the view to hold one tick after the goal's own; an older one is moved on.
+            dt_s: between two ticks.
+        """
+        ...
+
+
+class Coast(NamedTuple):
+    """How far a goal must be moved on."""
+
+    time_s: float
+    """Negative for a goal that is ahead."""
+    stands: bool
+    """The goal is so old that its reference has come to a stand."""
+
+
+def coast(tick: int, goal_tick: int, dt_s: float) -> Coast:
+    """Return how the reference of `goal_tick` is moved on to that of `tick`."""
+    lag_s = (tick - goal_tick) * dt_s
+    time_s = min(max(lag_s, -MAX_COAST_S), MAX_COAST_S)
+    return Coast(time_s, stands=time_s != lag_s)

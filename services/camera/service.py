@@ -1,10 +1,11 @@
 """A camera on the bus: sim/state and its goal in; cloud, pose, command, info, colour out."""
 
 import time
+from typing import Any
 
 import numpy as np
 
-from schemas.camera import CameraCommand, CameraGoal, CameraInfo, CameraPose, ColorImage
+from schemas.camera import CameraCommand, CameraGoal, CameraInfo, CameraPose, CloudHeard, ColorImage
 from schemas.cloud import DepthCloud
 from schemas.sim import CameraBody, SimState
 from schemas.topics import (
@@ -14,17 +15,20 @@ from schemas.topics import (
     CAMERA_GOAL,
     CAMERA_INFO,
     CAMERA_POSE,
+    CLOUD_HEARD,
     SIM_STATE,
 )
-from services.camera.pilot import command
 from services.camera.settings import CameraSettings
 from services.camera.sources.open import open_source
 from services.camera.sources.simulated import body_of
 from services.camera.sources.source import Frame
+from services.camera.under_way import UnderWay
 from services.camera.warm_up import warm_up
 from services.runtime.bus import Bus
+from services.runtime.later import Later
 from services.runtime.loop import Loop
 from services.runtime.reader import Received
+from services.world.scene import scene_of
 
 INFO_PERIOD_S = 1 / CAMERA_INFO.rate_hz
 
@@ -40,14 +44,19 @@ class CameraService:
         self._settings, self._bus, self._loop = settings, bus, loop
         self._camera = settings.camera
         self._intrinsics = settings.intrinsics()
+        self._pilot = settings.pilot()
         self._source = open_source(settings.source_settings())
         self._state: SimState | None = None
         self._goal: CameraGoal | None = None
         self._cloud: DepthCloud | None = None
         self._command: CameraCommand | None = None
         """The acknowledgement of the state at hand."""
+        self._under_way: UnderWay[DepthCloud] = UnderWay(settings.clouds_under_way)
         loop.on(SIM_STATE, self._on_state)
         loop.on(CAMERA_GOAL, self._on_goal, self._camera)
+        loop.on(CLOUD_HEARD, self._on_heard, self._camera)
+        loop.on_alive("mapper", lambda *_: self._send(self._under_way.forget(time.monotonic())))
+        loop.serve_later("prepare", self._prepare)
         loop.after(0.0, self._introduce)
         loop.every(INFO_PERIOD_S, self._introduce)
 
@@ -68,9 +77,19 @@ class CameraService:
         self._state, self._command = state, None
         self._drive()
 
+    def _prepare(self, params: dict[str, Any]) -> Later[None]:
+        """Load the scene that is about to come, beside the instants."""
+        scene = scene_of(params)
+        return Later(lambda: self._source.prepare(scene), lambda _: {"object": scene.object})
+
     def _on_goal(self, received: Received[CameraGoal]) -> None:
+        if objection := self._pilot.objection(received.message):
+            self._bus.refuse(received.key, objection)  # It stands still, and nobody waits for it.
         self._goal = received.message
         self._drive()
+
+    def _on_heard(self, received: Received[CloudHeard]) -> None:
+        self._send(self._under_way.heard(received.message.tick, time.monotonic()))
 
     def _drive(self) -> None:
         """Command once per state: in lockstep with that tick's goal, else with the newest."""
@@ -81,20 +100,26 @@ class CameraService:
             return
         body = body_of(state, self._camera)
         assert body is not None
-        twist = command(body, state.tick, goal, state.dt_ns * 1e-9, self._settings.drive)
+        twist = self._pilot.command(body, state.tick, goal, state.dt_ns * 1e-9)
         self._command = CameraCommand(
             t_ns=state.t_ns,
             tick=state.tick,
             frame_id=state.frame_id,
             camera=self._camera,
             twist=twist,
+            camera_yaw_rad=self._mounting(goal),
         )
         self._bus.publish(CAMERA_COMMAND, self._command, camera=self._camera)
 
+    def _mounting(self, goal: CameraGoal) -> float | None:
+        """Return how the camera is turned on its robot; None if it flies."""
+        if self._settings.drive == "flying" or goal.robot is None:
+            return None
+        return goal.robot.camera_yaw_rad
+
     def _repeat(self) -> None:
         """Say again what was said of this state: it is told twice when an answer was lost."""
-        if self._cloud is not None:
-            self._bus.publish(CAMERA_CLOUD, self._cloud, camera=self._camera)
+        self._send(self._cloud)
         if self._command is not None:
             self._bus.publish(CAMERA_COMMAND, self._command, camera=self._camera)
 
@@ -110,10 +135,7 @@ class CameraService:
             intrinsics=self._intrinsics,
             depth_scale_m=self._settings.depth_scale_m,
         )
-        self._bus.publish(CAMERA_CLOUD, self._cloud, camera=self._camera)
-        pose = CameraPose(**stamp, frame_id=state.frame_id, pose=body.pose, twist=body.twist)
-        self._bus.publish(CAMERA_POSE, pose, camera=self._camera)
-        if frame.jpeg is not None:
+        if frame.jpeg is not None:  # Before the cloud: who fuses that wants its picture at hand.
             picture = ColorImage.of(
                 np.asarray(frame.jpeg),
                 **stamp,
@@ -122,6 +144,23 @@ class CameraService:
                 height=self._intrinsics.height,
             )
             self._bus.publish(CAMERA_COLOR, picture, camera=self._camera)
+        if state.mode == "lockstep":  # Every tick is waited for, however long it takes.
+            self._under_way.drop()
+            self._send(self._cloud)
+        else:
+            self._send(self._under_way.offer(state.tick, self._cloud, time.monotonic()))
+            self._count_replaced()
+        pose = CameraPose(**stamp, frame_id=state.frame_id, pose=body.pose, twist=body.twist)
+        self._bus.publish(CAMERA_POSE, pose, camera=self._camera)
+
+    def _send(self, cloud: DepthCloud | None) -> None:
+        if cloud is not None:
+            self._bus.publish(CAMERA_CLOUD, cloud, camera=self._camera)
+
+    def _count_replaced(self) -> None:
+        if num := self._under_way.num_replaced:
+            key = CAMERA_CLOUD.key_for(self._camera)
+            self._bus.meters.of(CAMERA_CLOUD, key, sent=True).lost = num
 
     def _introduce(self) -> None:
         state, settings = self._state, self._settings

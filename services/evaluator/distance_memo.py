@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from services.evaluator.surface import BoolArray, Float32Array, IntArray, Surface
+from services.kernels.voxel_keys import OFFSET, pack
 
-_BITS = 21  # Three to an int64.
-_STEP_M = 1e-5  # Points this close share a distance; +-10 m fit in the bits.
+_STEP_M = 1e-5  # Points this close share a distance; +-10 m fit in the keys.
 
 
 class DistanceMemo:
@@ -39,9 +39,7 @@ class DistanceMemo:
 
 
 def _keys(points_m: NDArray[np.float64]) -> IntArray:
-    half = 1 << (_BITS - 1)
     steps = np.rint(points_m / _STEP_M)
-    inside: BoolArray = np.all(np.abs(steps) < half, axis=1)
-    i, j, k = (np.where(inside[:, None], steps, 0).astype(np.int64) + half).T
-    keys: IntArray = np.where(inside, (i << 2 * _BITS) | (j << _BITS) | k, -1)
+    inside: BoolArray = np.all(np.abs(steps) < OFFSET, axis=1)
+    keys: IntArray = np.where(inside, pack(np.where(inside[:, None], steps, 0)), -1)
     return keys

@@ -1,5 +1,7 @@
 """From a map, the true states and the cameras' optics to the message that says how good it is."""
 
+import threading
+from collections import OrderedDict
 from collections.abc import Mapping
 
 from schemas.camera import CameraInfo
@@ -13,9 +15,12 @@ from services.evaluator.views import View
 from services.kernels.rigid import apply, inverse
 from services.world.scene import Scene
 
+_KEPT = 4
+"""Scenes: the map's instant may have the one before, and the next may be made ready."""
+
 
 class Judge:
-    """Knows the truth of the scene at hand; builds it anew when the scene changes.
+    """Knows the truth of the scene at hand, of the next and of the last.
 
     Args:
         radius_m: distance of admissible views from the target's centre.
@@ -27,28 +32,43 @@ class Judge:
         self._radius_m = radius_m
         self._num_samples = num_samples
         self._seed = seed
-        self._scene: SceneSpec | None = None
-        self._truth: Truth | None = None
+        self._truths: OrderedDict[SceneSpec, Truth] = OrderedDict()
+        """The last used is the last."""
+        self._lock = threading.Lock()
 
     def truth(self, spec: SceneSpec) -> Truth:
-        """Return the truth of a scene; the last one is kept.
+        """Return the truth of a scene; the last few are kept. From any thread.
 
         Raises:
             WorldError: If the scene cannot be built.
         """
-        if self._truth is None or spec != self._scene:
-            scene = Scene.from_spec(spec)
-            deform = scene.mesh_at if spec.deformations else None
-            self._truth = Truth(
-                scene.rest.vertices_m,
-                scene.faces,
-                deform,
-                self._radius_m,
-                self._num_samples,
-                self._seed,
-            )
-            self._scene = spec
-        return self._truth
+        with self._lock:
+            if spec in self._truths:
+                self._truths.move_to_end(spec)
+                return self._truths[spec]
+            others = dict(self._truths)
+        built = self._built(spec, others)  # Takes seconds: whoever scores does not wait for it.
+        with self._lock:
+            known = self._truths.setdefault(spec, built)
+            self._truths.move_to_end(spec)
+            while len(self._truths) > _KEPT:
+                self._truths.popitem(last=False)
+        return known
+
+    def _built(self, spec: SceneSpec, others: Mapping[SceneSpec, Truth]) -> Truth:
+        scene = Scene.from_spec(spec)
+        deform = scene.mesh_at if spec.deformations else None
+        for other, truth in others.items():
+            if other.model_copy(update={"deformations": spec.deformations}) == spec:
+                return truth.deforming(deform)
+        return Truth(
+            scene.rest.vertices_m,
+            scene.faces,
+            deform,
+            self._radius_m,
+            self._num_samples,
+            self._seed,
+        )
 
     def quality(
         self,

@@ -1,28 +1,28 @@
 """The evaluator on the bus: the map and the truth in, metrics/quality out."""
 
 import logging
+from typing import Any
 
 from schemas.camera import CameraInfo
 from schemas.map import MapChanges, MapSummary
-from schemas.message import MessageError
 from schemas.metrics import Quality
 from schemas.sim import SceneSpec, SimState
-from schemas.topics import CAMERA_INFO, MAP_CHANGES, MAP_FULL, MAP_SUMMARY, QUALITY, SIM_STATE
+from schemas.topics import CAMERA_INFO, MAP_CHANGES, MAP_SUMMARY, QUALITY, SIM_STATE
 from services.evaluator.history import History
 from services.evaluator.judge import Judge
 from services.evaluator.open3d_loader import open3d
 from services.evaluator.settings import EvaluatorSettings
 from services.runtime.bus import Bus
-from services.runtime.errors import NoReply
+from services.runtime.later import Later
 from services.runtime.loop import Loop
-from services.runtime.map_mirror import MapMirror, Outcome
+from services.runtime.map_follower import MapFollower
 from services.runtime.reader import Received
 from services.world.errors import WorldError
+from services.world.scene import scene_of
 
 logger = logging.getLogger(__name__)
 
 _MOST_BEHIND_TICKS = 2
-_SNAPSHOT_TIMEOUT_S = 0.5  # Asked again at the next changes: meanwhile nothing can be scored.
 
 
 class EvaluatorService:
@@ -42,13 +42,13 @@ class EvaluatorService:
         self._judge = Judge(settings.radius_m, settings.samples, settings.seed)
         self._history = History()
         self._cameras: dict[int, CameraInfo] = {}
-        self._mirror = MapMirror()
-        self._mapper_boot = ""
+        self._map = MapFollower(bus)
         self._waiting: MapSummary | None = None
         self._scored_rev: int | None = None
         self._skipped = 0
         self._refused: SceneSpec | None = None
         self._told: Quality | None = None
+        loop.serve_later("prepare", self._prepare)
         loop.on(SIM_STATE, self._on_state, every=True)
         loop.on(CAMERA_INFO, self._on_info)
         loop.on(MAP_CHANGES, self._on_changes)
@@ -59,7 +59,7 @@ class EvaluatorService:
         if state.scene == self._refused:
             return
         try:
-            self._judge.truth(state.scene)  # Slow at the first state of a scene, then nothing.
+            self._judge.truth(state.scene)  # Slow for a scene that nobody made ready.
         except WorldError as error:
             self._refused = state.scene
             logger.error("cannot score scene %s: %s", state.scene.object, error)
@@ -69,6 +69,11 @@ class EvaluatorService:
         self._history.add(state)
         self._score()
 
+    def _prepare(self, params: dict[str, Any]) -> Later[object]:
+        """Build the truth of the scene that is about to come, beside the scoring."""
+        scene = scene_of(params)
+        return Later(lambda: self._judge.truth(scene), lambda _: {"object": scene.object})
+
     def _on_info(self, received: Received[CameraInfo]) -> None:
         self._cameras[received.message.camera] = received.message
         self._score()
@@ -76,8 +81,7 @@ class EvaluatorService:
     def _on_changes(self, received: Received[MapChanges]) -> None:
         self._follow(received.envelope.boot)
         with self._loop.stage("mirror"):
-            if self._mirror.apply(received.message) is Outcome.GAP:
-                self._heal()
+            self._map.take(received)
         self._score()
 
     def _on_summary(self, received: Received[MapSummary]) -> None:
@@ -91,21 +95,11 @@ class EvaluatorService:
 
     def _follow(self, boot: str) -> None:
         """Begin anew when the mapper is another process than before."""
-        if boot != self._mapper_boot:
-            self._mapper_boot, self._scored_rev, self._waiting = boot, None, None
-            self._mirror.forget()
-
-    def _heal(self) -> None:
-        try:
-            full = self._bus.fetch(MAP_FULL, _SNAPSHOT_TIMEOUT_S)
-        except (NoReply, MessageError) as error:
-            logger.warning("missed changes after rev %d: %s", self._mirror.rev, error)
-            return
-        logger.info("missed changes after rev %d: healed at rev %d", self._mirror.rev, full.rev)
-        self._mirror.reset(full)
+        if self._map.know(boot):
+            self._scored_rev, self._waiting = None, None
 
     def _score(self) -> None:
-        summary, held = self._waiting, self._mirror.latest
+        summary, held = self._waiting, self._map.mirror.latest
         if summary is None or held is None or held.rev < summary.rev:
             return
         stamp, newest = self._history.at(held.tick), self._history.newest
@@ -119,6 +113,6 @@ class EvaluatorService:
         self._scored_rev = held.rev
         with self._loop.stage("score"):
             self._told = self._judge.quality(
-                held, self._mirror.centres(), stamp, newest, self._cameras, self._skipped
+                held, self._map.mirror.centres(), stamp, newest, self._cameras, self._skipped
             )
         self._bus.publish(QUALITY, self._told)

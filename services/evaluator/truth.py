@@ -1,6 +1,7 @@
 """The true surface at any instant, with its samples on it."""
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,6 +59,12 @@ class Truth:
         centre = np.array([0.0, 0.0, float(surface.vertices_m[:, 2].max()) / 2])
         self.observable: BoolArray = observable(surface, placed, admissible_eyes(centre, radius_m))
         """(N,) samples seen from at least one admissible view."""
+
+    def deforming(self, deform: Callable[[float], NDArray[np.float32]] | None) -> "Truth":
+        """Return the same body, with the same samples, that deforms in another way."""
+        other = copy(self)
+        other._deform = deform
+        return other
 
     def at(self, t_s: float) -> Instant:
         """Return the surface at a time, seconds."""

@@ -18,8 +18,7 @@ UNKNOWN = -32768
 """Log-odds of a voxel that no ray has told anything about."""
 UNIFORM = -1
 """Slot of a brick whose voxels all hold `Bricks.value`."""
-MIXED = 255
-"""Published class of a brick whose published voxels differ."""
+SEEN = 2
 CLASS_UNKNOWN, CLASS_FREE, CLASS_OCCUPIED = 0, 1, 2
 
 
@@ -35,31 +34,34 @@ class Bricks(NamedTuple):
     """(B,) row of `log_odds`, or UNIFORM."""
     value: NDArray[np.int16]
     """(B,) log-odds of all voxels of a uniform brick."""
-    hit_scan: NDArray[np.uint8]
-    """(B,) the last scan that put a return into the brick."""
     dirty: NDArray[np.uint8]
-    """(B,) 1 if written since the classes were last published."""
+    """(B,) 0 unless written since the classes were last published; then 1, or, where `ever_free`
+    has seen that, SEEN."""
     log_odds: NDArray[np.int16]
     """(S, 512) in 1/8192."""
-    stamp: NDArray[np.uint8]
-    """(S, 512) the last scan that updated the voxel."""
     free_slots: NDArray[np.int32]
-    """(S,) a stack of unused slots; its height is `num_free[0]`."""
+    """(S,) a stack of unused slots, num_free[0] high; there is one for every brick: S = B."""
     num_free: NDArray[np.int64]
-    """(1,)"""
+    """(2,) the stack's height, and the least it ever had."""
+    clock: NDArray[np.float64]
+    """(2,) the map's time and the half-life of what it knows, s; infinite: nothing fades."""
+    faded: NDArray[np.float64]
+    """(B,) the time up to which a brick's log-odds have faded, s."""
+    expiry: NDArray[np.float64]
+    """(B,) the time at which a brick's weakest voxel may have faded to unknown, s."""
 
 
 @njit(cache=True, error_model="numpy", nogil=True, inline="always")
 def open_brick(bricks, brick):  # type: ignore[no-untyped-def]
-    """Return the slot of a brick, giving it one if it is uniform; -1 if the pool is exhausted."""
+    """Return the slot of a brick, giving it one if it is uniform."""
     slot = bricks.slot[brick]
     if slot != UNIFORM:
         return slot
-    height = bricks.num_free[0]
-    if height == 0:
-        return np.int32(-1)
-    slot = bricks.free_slots[height - 1]
-    bricks.num_free[0] = height - 1
+    num_free = bricks.num_free
+    height = num_free[0] - 1
+    slot = bricks.free_slots[height]
+    num_free[0] = height
+    num_free[1] = min(num_free[1], height)
     bricks.log_odds[slot, :] = bricks.value[brick]
     bricks.slot[brick] = slot
     return slot

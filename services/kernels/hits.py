@@ -3,7 +3,9 @@
 import numpy as np
 from numba import njit
 
-from services.kernels.bricks import add, open_brick
+from services.kernels.bricks import UNIFORM, VOXELS, open_brick
+from services.kernels.fade import refresh
+from services.kernels.marks import expand, hit_some
 
 PAD = 2
 """Cells beside an image row, so that every pixel has neighbours."""
@@ -18,16 +20,6 @@ def count_returns(depth, invalid, no_return):  # type: ignore[no-untyped-def]
         for u in range(row.size):
             count += np.int64((row[u] != invalid) & (row[u] != no_return))
     return count
-
-
-@njit(cache=True, error_model="numpy", nogil=True, inline="always")
-def hit_voxel(stamp, log_odds, slot, local, scan, hit, low, high):  # type: ignore[no-untyped-def]
-    """Add a hit to a voxel unless this scan already did; return 1 if it was added."""
-    if stamp[slot, local] == scan:
-        return 0
-    stamp[slot, local] = scan
-    log_odds[slot, local] = np.int16(add(log_odds[slot, local], hit, low, high))
-    return 1
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -76,47 +68,82 @@ def first_of_neighbours(here, above, keep):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def hit_pixels(bricks, depth, first, limit, du, dv, corner, offset, scan, hit, low, high):  # type: ignore[no-untyped-def]
-    """Add one hit to every voxel that a pixel of rows first.. ends in; write `bricks` in place.
+def locate_pixels(depth, limit, du, dv, corner, offset, shape, out):  # type: ignore[no-untyped-def]
+    """Write the addresses that the pixels of an image end in, few of them twice; return how many.
 
     Args:
         depth: (H, W) uint16. limit: the last raw depth that counts as a return.
         du, dv, corner: (3,) float32, voxels per raw depth: per pixel u, per v, at pixel (0, 0).
-        offset: (3,) float32, the camera in voxels.
-
-    Returns:
-        The row to go on with (H when done; earlier if the pool is exhausted) and the hits.
-        A row may be repeated: a voxel is stamped by the scan that hit it.
+        offset: (3,) float32, the camera in voxels. shape: (3,) int32, voxels of the box.
+        out: (H * W + 1,) int32, written.
     """
     height, width = depth.shape
-    shape = (bricks.shape * 8).astype(np.int32)
     above = np.full(width + 2 * PAD, np.int32(-1))
     here = np.full(width + 2 * PAD, np.int32(-1))
     keep = np.zeros(width, np.int32)
-    kept = np.empty(width + 1, np.int32)
-    # Taken out of the tuple once: numba counts references at every access.
-    slots, stamp, log_odds = bricks.slot, bricks.stamp, bricks.log_odds
-    hit_scan, dirty = bricks.hit_scan, bricks.dirty
     count = 0
-    for v in range(first, height):
+    for v in range(height):
         row = np.float32(v) * dv + corner
         row_voxels(depth[v], limit, du, row, offset, shape, here)
         first_of_neighbours(here, above, keep)
         # Written always, counted if kept: a branch here would be guessed wrong half of the time.
-        num_kept = 0
         for u in range(width):
-            kept[num_kept] = here[u + PAD]
-            num_kept += keep[u]
-        for n in range(num_kept):
-            address = kept[n]
-            brick = address >> 9
-            slot = slots[brick]
-            if slot < 0:
-                slot = open_brick(bricks, brick)
-                if slot < 0:
-                    return v, count
-            hit_scan[brick] = scan
-            dirty[brick] = 1
-            count += hit_voxel(stamp, log_odds, slot, address & 511, scan, hit, low, high)
+            out[count] = here[u + PAD]
+            count += keep[u]
         above, here = here, above
-    return height, count
+    return count
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def number_bricks(addresses, flag, flags, number, out):  # type: ignore[no-untyped-def]
+    """Flag the bricks of addresses, number and list them, each once; return how many.
+
+    Args:
+        flags: (B,) uint8, written; none has the flag before. number: (B,) int32, written at them.
+        out: (B,) int32, written: the bricks in the order of their numbers.
+    """
+    count = 0
+    for n in range(addresses.size):
+        brick = addresses[n] >> 9
+        if flags[brick] & flag == 0:
+            flags[brick] |= flag
+            number[brick] = count
+            out[count] = brick
+            count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def mark_voxels(addresses, number, marks):  # type: ignore[no-untyped-def]
+    """Set the bits of addressed voxels in marks (N, WORDS) uint64 of numbered bricks."""
+    for n in range(addresses.size):
+        brick, local = addresses[n] >> 9, addresses[n] & 511
+        marks[number[brick], local >> 6] |= np.uint64(1) << np.uint64(local & 63)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def hit_bricks(bricks, listed, marks, first, end, update):  # type: ignore[no-untyped-def]
+    """Add one hit to every marked voxel of listed bricks in first .. end - 1; return how many.
+
+    Args:
+        listed: (N,) int32, marks: (N, WORDS) uint64.
+        update: hit, miss, low, high in 1/8192.
+    """
+    hit, _, low, high = update
+    chosen = np.empty(VOXELS, np.int32)
+    # Taken out of the tuple once: numba counts references at every access.
+    slots, log_odds, dirty = bricks.slot, bricks.log_odds, bricks.dirty
+    fades = bricks.clock[1] < np.inf
+    count = 0
+    for n in range(listed.size):
+        brick = listed[n]
+        if first <= brick < end:
+            if fades:
+                refresh(bricks, brick)
+            slot = slots[brick]
+            if slot == UNIFORM:
+                slot = open_brick(bricks, brick)
+            dirty[brick] = 1
+            count += expand(marks[n], chosen)
+            hit_some(log_odds[slot], chosen, hit, low, high)
+    return count

@@ -1,166 +1,120 @@
-"""Exact rays: OctoMap's traversal, voxel for voxel, clipped to the box.
+"""Exact rays: OctoMap's traversal, voxel for voxel, clipped to the box; many rays step at once.
 
 Source: Amanatides & Woo, A Fast Voxel Traversal Algorithm for Ray Tracing, 1987, in the arithmetic
 of OctoMap's `computeRayKeys` (single precision ends, double precision steps), so that both visit
-the same voxels.
+the same voxels. Walking only marks one bit per voxel: rays need no order, and no brick is touched.
 """
 
 import numpy as np
 from numba import njit
 
-from services.kernels.bricks import UNIFORM, VOXELS, add, open_brick
-from services.kernels.hits import hit_voxel
-
 NEVER = 1.7976931348623157e308
 """Step parameter along an axis the ray does not move on (OctoMap: the largest double)."""
 LEAD = 3.0
 """Voxels before the box at which a ray that starts outside begins to be walked."""
+LANES = 256
+"""Rays that step together: their state (20 kB) stays in the first cache."""
+_L = LANES
+_T, _DELTA, _LENGTH = 0, 3 * _L, 6 * _L
+REALS = 7 * _L
+"""float64 of a block's state: next crossing x, y, z; distance between crossings; length (m)."""
+_KEY, _STEP, _LEFT, _WORD = 0, 3 * _L, 6 * _L, 7 * _L
+WHOLES = 8 * _L
+"""int32 of a block's state: voxel x, y, z; step; voxels left; word of the mark."""
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def hit_points(  # type: ignore[no-untyped-def]
-    bricks,
-    points,
-    origin,
-    key0,
-    resolution,
-    discretize,
-    max_range,
-    scan,
-    hit,
-    low,
-    high,
-    first,
-    ends,
-    kept,
-):
-    """Add one hit to every voxel a point ends in and list the ends of the rays; write in place.
+def sort_by_length(ends, origin, resolution, longest, order):  # type: ignore[no-untyped-def]
+    """Write the order of rays by how many voxels they cross at most `longest`: a counting sort.
 
     Args:
-        points: (N, 3) float32, m; discretize moves ends to voxel centres, one ray per voxel.
-        origin: (3,) float32, m. key0: (3,) int64, key of the box's first voxel.
-        max_range: m; farther points are cut there and hit nothing.
-        first: the point to go on with. ends: (N, 3) float32, written. kept: rows of `ends` in use.
-
-    Returns:
-        The point to go on with (N when done), rows of `ends` in use, hits, points skipped.
+        ends: (3, M) float32, of which the first N are rays; origin: (3,) float32, m.
+        order: (N,) int32, written.
     """
-    nx, ny, nz = bricks.shape[0] * 8, bricks.shape[1] * 8, bricks.shape[2] * 8
-    inverse = 1.0 / resolution
-    end = np.empty(3, np.float32)
-    key = np.empty(3, np.int64)
-    hits, skipped = 0, 0
-    reach = 2.0e9 * resolution
-    for n in range(first, points.shape[0]):
-        # NaN fails every comparison.
-        usable = True
-        for a in range(3):
-            usable &= abs(points[n, a]) < reach
-        if not usable:
-            skipped += 1
-            continue
-        for a in range(3):
-            key[a] = np.int64(np.floor(inverse * np.float64(points[n, a])))
-            end[a] = points[n, a]
-            if discretize:
-                end[a] = np.float32((np.float64(key[a]) + 0.5) * resolution)
-        dx, dy, dz = end[0] - origin[0], end[1] - origin[1], end[2] - origin[2]
-        length = np.sqrt(np.float64(dx * dx + dy * dy + dz * dz))
-        if length > max_range:
-            norm, cut = np.float32(length), np.float32(max_range)
-            ends[kept, 0] = origin[0] + dx / norm * cut
-            ends[kept, 1] = origin[1] + dy / norm * cut
-            ends[kept, 2] = origin[2] + dz / norm * cut
-            kept += 1
-            continue
-        # OctoMap takes the key of the end it casts to, so a rounded centre counts.
-        for a in range(3):
-            key[a] = np.int64(np.floor(inverse * np.float64(end[a]))) - key0[a]
-        i, j, k = key[0], key[1], key[2]
-        if i >= 0 and j >= 0 and k >= 0 and i < nx and j < ny and k < nz:
-            brick = ((i >> 3) * bricks.shape[1] + (j >> 3)) * bricks.shape[2] + (k >> 3)
-            slot = open_brick(bricks, brick)
-            if slot < 0:
-                return n, kept, hits, skipped
-            local = ((i & 7) << 6) | ((j & 7) << 3) | (k & 7)
-            bricks.hit_scan[brick] = scan
-            bricks.dirty[brick] = 1
-            new = hit_voxel(bricks.stamp, bricks.log_odds, slot, local, scan, hit, low, high)
-            hits += new
-            if discretize and not new:
-                continue
-        ends[kept, 0], ends[kept, 1], ends[kept, 2] = end[0], end[1], end[2]
-        kept += 1
-    return points.shape[0], kept, hits, skipped
+    total = order.size
+    steps = np.empty(total, np.int32)
+    starts = np.zeros(longest + 2, np.int64)
+    per_m = np.float32(1.0 / resolution)
+    ox, oy, oz = origin[0], origin[1], origin[2]
+    ex, ey, ez = ends[0], ends[1], ends[2]
+    most = np.float32(longest)
+    for n in range(total):
+        span = abs(ex[n] - ox) + abs(ey[n] - oy) + abs(ez[n] - oz)
+        steps[n] = np.int32(min(span * per_m, most))
+    for n in range(total):
+        starts[steps[n] + 1] += 1
+    for s in range(longest + 1):
+        starts[s + 1] += starts[s]
+    for n in range(total):
+        order[starts[steps[n]]] = n
+        starts[steps[n]] += 1
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def enters(key, step, t_max, t_delta, shape, length, resolution):  # type: ignore[no-untyped-def]
-    """Bring a ray that starts outside close to the box; False if it ends or passes before it.
+def enter(key, step, t_max, t_delta, shape, length, resolution):  # type: ignore[no-untyped-def]
+    """Bring a ray close to the box; return how many voxels it may then cross, 0 if it misses.
 
     Args:
         key: (3,) int64 voxel of the box, may be outside; t_max: (3,) m; both written.
         step, t_delta, shape: (3,) direction, m per voxel, voxels of the box.
     """
-    enter, leave = 0.0, np.float64(length) + resolution
+    first, last = 0.0, np.float64(length) + resolution
     for a in range(3):
         if step[a] == 0:
             if key[a] < 0 or key[a] >= shape[a]:
-                return False
+                return 0
             continue
         # Voxel boundaries still to cross before the box, and to leave it.
         before = -key[a] if step[a] > 0 else key[a] - shape[a] + 1
         after = shape[a] - key[a] if step[a] > 0 else key[a] + 1
         if after <= 0:
-            return False
+            return 0
         if before > 0:
-            enter = max(enter, t_max[a] + (before - 1) * t_delta[a])
-        leave = min(leave, t_max[a] + (after - 1) * t_delta[a])
-    if enter > leave + resolution:
-        return False
-    start = enter - LEAD * resolution
+            first = max(first, t_max[a] + (before - 1) * t_delta[a])
+        last = min(last, t_max[a] + (after - 1) * t_delta[a])
+    if first > last + resolution:
+        return 0
+    start = first - LEAD * resolution
+    count = np.int64(1)
     for a in range(3):
         if step[a] != 0 and t_max[a] < start:
             crossed = np.int64(np.floor((start - t_max[a]) / t_delta[a])) + 1
             key[a] += step[a] * crossed
             t_max[a] += crossed * t_delta[a]
-    return True
+        if step[a] != 0 and t_max[a] <= last:
+            count += np.int64((last - t_max[a]) / t_delta[a]) + 2
+    return count
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def miss_rays(bricks, ends, first, count, origin, key0, resolution, scan, miss, low, high):  # type: ignore[no-untyped-def]
-    """Add one miss to every voxel that a ray crosses before its end, once in this scan.
+def start_rays(ends, chosen, origin, key0, shape, resolution, reals, wholes):  # type: ignore[no-untyped-def]
+    """Write the state of a block of rays that start at the origin; return the most voxels of one.
 
     Args:
-        ends: (N, 3) float32, m, of which `count` are used, from `first`. origin: (3,) float32, m.
-        key0: (3,) int64, key of the box's first voxel. Writes `bricks` in place.
-
-    Returns:
-        The ray to go on with: count when done, less if the pool is exhausted.
+        ends: (3, N) float32, m; chosen: (n,) int32, which of them. origin: (3,) float32, m.
+        key0, shape: (3,) int64, key of the box's first voxel, voxels of the box.
     """
-    nx, ny, nz = bricks.shape[0] * 8, bricks.shape[1] * 8, bricks.shape[2] * 8
-    nby, nbz = bricks.shape[1], bricks.shape[2]
-    shape = bricks.shape * 8
     inverse = 1.0 / resolution
-    # Taken out of the tuple once: numba counts references at every access.
-    slots, values, dirty = bricks.slot, bricks.value, bricks.dirty
-    stamp, log_odds = bricks.stamp.reshape(-1), bricks.log_odds.reshape(-1)
-    start, key, stop = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3, np.int64)
-    step, t_max, t_delta = np.empty(3, np.int64), np.empty(3), np.empty(3)
+    start, key, step = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3, np.int64)
+    t_max, t_delta = np.empty(3), np.empty(3)
     direction = np.empty(3, np.float32)
+    is_outside = False
     for a in range(3):
         start[a] = np.int64(np.floor(inverse * np.float64(origin[a]))) - key0[a]
-    outside = False
-    for a in range(3):
-        outside |= start[a] < 0 or start[a] >= shape[a]
-    for n in range(first, count):
+        is_outside |= start[a] < 0 or start[a] >= shape[a]
+    longest = np.int64(0)
+    for lane in range(chosen.size):
+        squared = np.float32(0)
+        crossed = np.int64(0)
+        leaves = is_outside
         for a in range(3):
-            stop[a] = np.int64(np.floor(inverse * np.float64(ends[n, a]))) - key0[a]
-            direction[a] = ends[n, a] - origin[a]
-        if stop[0] == start[0] and stop[1] == start[1] and stop[2] == start[2]:
-            continue
-        squared = direction[0] * direction[0] + direction[1] * direction[1]
-        length = np.float32(np.sqrt(np.float64(squared + direction[2] * direction[2])))
+            end = ends[a, chosen[lane]]
+            stop = np.int64(np.floor(inverse * np.float64(end))) - key0[a]
+            leaves |= stop < 0 or stop >= shape[a]
+            crossed += abs(stop - start[a])
+            direction[a] = end - origin[a]
+            squared += direction[a] * direction[a]
+        length = np.float32(np.sqrt(np.float64(squared)))
         for a in range(3):
             direction[a] = direction[a] / length
             key[a] = start[a]
@@ -171,63 +125,82 @@ def miss_rays(bricks, ends, first, count, origin, key0, resolution, scan, miss, 
                 border = centre + np.float64(np.float32(step[a] * resolution * 0.5))
                 t_max[a] = (border - np.float64(origin[a])) / np.float64(direction[a])
                 t_delta[a] = resolution / abs(np.float64(direction[a]))
-        if outside and not enters(key, step, t_max, t_delta, shape, length, resolution):
-            continue
-        x, y, z = key[0], key[1], key[2]
-        tx, ty, tz = t_max[0], t_max[1], t_max[2]
-        sx, sy, sz = step[0], step[1], step[2]
-        dx, dy, dz = t_delta[0], t_delta[1], t_delta[2]
-        ex, ey, ez = stop[0], stop[1], stop[2]
-        # Where an axis' coordinate within a brick arrives when a step enters the next brick.
-        arrive_x, arrive_y, arrive_z = 7 * (sx < 0), 7 * (sy < 0), 7 * (sz < 0)
-        at, visits, crossed = 0, False, True
-        while True:
-            if crossed:
-                # The box is made of whole bricks: it is entered and left where a brick is.
-                crossed = False
-                visits = x >= 0 and y >= 0 and z >= 0 and x < nx and y < ny and z < nz
-                if visits:
-                    brick = ((x >> 3) * nby + (y >> 3)) * nbz + (z >> 3)
-                    slot = slots[brick]
-                    if slot == UNIFORM:
-                        # A uniform brick at the lower clamp stays there.
-                        visits = values[brick] != low
-                        if visits:
-                            slot = open_brick(bricks, brick)
-                            if slot < 0:
-                                return n
-                    dirty[brick] |= visits
-                    at = slot * VOXELS + (((x & 7) << 6) | ((y & 7) << 3) | (z & 7))
-                elif (
-                    (x < 0 and sx <= 0)
-                    or (y < 0 and sy <= 0)
-                    or (z < 0 and sz <= 0)
-                    or (x >= nx and sx >= 0)
-                    or (y >= ny and sy >= 0)
-                    or (z >= nz and sz >= 0)
-                ):
-                    break
-            if visits and stamp[at] != scan:
-                stamp[at] = scan
-                log_odds[at] = np.int16(add(log_odds[at], miss, low, high))
-            if tx < ty and tx < tz:
-                x += sx
-                tx += dx
-                at += 64 * sx
-                crossed = (x & 7) == arrive_x
-            elif ty < tz and not tx < ty:
-                y += sy
-                ty += dy
-                at += 8 * sy
-                crossed = (y & 7) == arrive_y
-            else:
-                z += sz
-                tz += dz
-                at += sz
-                crossed = (z & 7) == arrive_z
-            if x == ex and y == ey and z == ez:
-                break
-            # Rounding may lead past the end voxel: OctoMap stops at the ray's length.
-            if min(tx, min(ty, tz)) > length:
-                break
-    return count
+        # A ray that ends where it starts crosses nothing (and has no direction).
+        left = crossed
+        if leaves and crossed > 0:
+            left = min(crossed, enter(key, step, t_max, t_delta, shape, length, resolution))
+        for a in range(3):
+            reals[_T + a * _L + lane] = t_max[a]
+            reals[_DELTA + a * _L + lane] = t_delta[a]
+            wholes[_KEY + a * _L + lane] = key[a] if left > 0 else 0
+            wholes[_STEP + a * _L + lane] = step[a]
+        reals[_LENGTH + lane] = length
+        wholes[_LEFT + lane] = left
+        longest = max(longest, left)
+    return longest
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def step_rays(reals, wholes, bits, shape, count):  # type: ignore[no-untyped-def]
+    """Write where `count` rays mark, and go one voxel further.
+
+    All state lies in two arrays at constant distances: so LLVM knows that nothing overlaps.
+
+    Args:
+        reals, wholes: state, written. bits: (LANES,) uint64, written: the mark, 0 for none.
+        shape: (3,) uint32, voxels of the box.
+    """
+    nx, ny, nz = shape[0], shape[1], shape[2]
+    nby, nbz = np.int32(ny >> 3), np.int32(nz >> 3)
+    for n in range(count):
+        x, y, z = wholes[_KEY + n], wholes[_KEY + _L + n], wholes[_KEY + 2 * _L + n]
+        left = wholes[_LEFT + n]
+        is_inside = (np.uint32(x) < nx) & (np.uint32(y) < ny) & (np.uint32(z) < nz)
+        marks = is_inside & (left > 0)
+        word = ((((x >> 3) * nby + (y >> 3)) * nbz + (z >> 3)) << 3) | (x & 7)
+        wholes[_WORD + n] = word if marks else np.int32(0)
+        bits[n] = np.uint64(marks) << np.uint64(((y & 7) << 3) | (z & 7))
+        tx, ty, tz = reals[_T + n], reals[_T + _L + n], reals[_T + 2 * _L + n]
+        in_x = (tx < ty) & (tx < tz)
+        in_y = (ty < tz) & (not tx < ty)
+        in_z = not (in_x | in_y)
+        tx += reals[_DELTA + n] if in_x else 0.0
+        ty += reals[_DELTA + _L + n] if in_y else 0.0
+        tz += reals[_DELTA + 2 * _L + n] if in_z else 0.0
+        wholes[_KEY + n] = x + (wholes[_STEP + n] if in_x else np.int32(0))
+        wholes[_KEY + _L + n] = y + (wholes[_STEP + _L + n] if in_y else np.int32(0))
+        wholes[_KEY + 2 * _L + n] = z + (wholes[_STEP + 2 * _L + n] if in_z else np.int32(0))
+        reals[_T + n], reals[_T + _L + n], reals[_T + 2 * _L + n] = tx, ty, tz
+        # Rounding may lead past the end voxel: OctoMap stops at the ray's length.
+        goes_on = min(tx, min(ty, tz)) <= reals[_LENGTH + n]
+        wholes[_LEFT + n] = left - np.int32(1) if goes_on else np.int32(0)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def mark(marks, wholes, bits, count):  # type: ignore[no-untyped-def]
+    """Set the bits of `count` rays in marks (B * WORDS,) uint64."""
+    words = wholes[_WORD:]
+    for n in range(count):
+        marks[words[n]] |= bits[n]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def mark_rays(marks, ends, order, origin, key0, shape, resolution):  # type: ignore[no-untyped-def]
+    """Mark every voxel that a ray crosses before its end.
+
+    Args:
+        marks: (B * WORDS,) uint64, see `marks`; written.
+        ends: (3, N) float32, m; order: (n,) int32, the rays to walk, alike in length if they are
+            neighbours. origin: (3,) float32, m.
+        key0, shape: (3,) int64, key of the box's first voxel, voxels of the box.
+    """
+    reals, wholes = np.zeros(REALS), np.zeros(WHOLES, np.int32)
+    bits = np.zeros(LANES, np.uint64)
+    size = shape.astype(np.uint32)
+    for first in range(0, order.size, LANES):
+        chosen = order[first : first + LANES]
+        count = chosen.size
+        longest = start_rays(ends, chosen, origin, key0, shape, resolution, reals, wholes)
+        for _ in range(longest):
+            step_rays(reals, wholes, bits, size, count)
+            mark(marks, wholes, bits, count)

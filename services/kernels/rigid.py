@@ -61,6 +61,14 @@ def planar(x: float, y: float, heading: float) -> FloatArray:
     return np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, 0], [0, 0, 0, 1]], np.float64)
 
 
+def optical_yaw(T_world_camera: FloatArray) -> float:
+    """Return which way an upright camera looks, about the world's z from x, rad.
+
+    Taken from the image's right, which is level however far the camera is tilted.
+    """
+    return float(np.arctan2(T_world_camera[0, 0], -T_world_camera[1, 0]))
+
+
 def inverse(T: FloatArray) -> FloatArray:
     """Invert a rigid motion: T_b_a of T_a_b."""
     out = np.eye(4)

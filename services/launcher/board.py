@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 
 from schemas.map import MapSummary
 from schemas.metrics import Quality
-from schemas.sim import SimClock
+from schemas.sim import SceneSpec, SimClock
 from schemas.status import ServiceStatus, TopicStatus
+from services.launcher.processes import WATCHERS
 from services.launcher.report import Record
 from services.launcher.supervisor import Child
 
@@ -35,6 +36,7 @@ class Board:
     statuses: dict[str, tuple[ServiceStatus, float]] = field(default_factory=dict)
     """By process: the last heartbeat and when it came, monotonic seconds."""
     clock: SimClock | None = None
+    scene: SceneSpec | None = None
     summary: MapSummary | None = None
     quality: Quality | None = None
     finished_s: float | None = None
@@ -49,11 +51,14 @@ class Board:
 
     @property
     def all_heard(self) -> bool:
-        """Whether every service that has not failed has sent us a heartbeat: its link is made."""
+        """Whether every service that has not failed has sent us a heartbeat: its link is made.
+
+        Those that only watch are not waited for.
+        """
         return all(
             name in self.statuses
             for name, child in self.children.items()
-            if child.spec.service != "router" and child.state != "failed"
+            if child.spec.service not in ("router", *WATCHERS) and child.state != "failed"
         )
 
     def health(self, name: str, now_s: float) -> str:

@@ -1,6 +1,7 @@
 """The flags of `encircle run`, on top of scenario and environment."""
 
 import argparse
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypedDict
@@ -8,7 +9,7 @@ from typing import Annotated, Any, TypedDict
 import tyro
 
 from services.launcher.layers import Layer, environment_layer, scenario_layer, settle
-from services.launcher.settings import RunSettings
+from services.launcher.settings import RUNS_OWN, RunSettings
 
 
 def parse_run(args: Sequence[str], environment: Mapping[str, str]) -> RunSettings:
@@ -27,7 +28,7 @@ def parse_run(args: Sequence[str], environment: Mapping[str, str]) -> RunSetting
         prog="encircle run",
         description=RunSettings.__doc__,
         default=defaults,
-        args=args,
+        args=_named(args),
     )
     given = {name: value for name, value in values.items() if value != defaults[name]}
     return settle([*layers, Layer("flag", given)])
@@ -45,6 +46,16 @@ def _flags() -> Any:
         for name, field in fields
     }
     return TypedDict("Flags", flags)  # type: ignore[operator]
+
+
+def _named(args: Sequence[str]) -> list[str]:
+    """Return the arguments with a name after every `--record` that has none."""
+    named: list[str] = []
+    for arg, following in itertools.pairwise([*args, "--"]):
+        named.append(arg)
+        if arg == "--record" and following.startswith("-"):
+            named.append(str(RUNS_OWN))
+    return named
 
 
 def _scenario(args: Sequence[str]) -> str | None:

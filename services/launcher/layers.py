@@ -32,7 +32,7 @@ def scenario_layer(path: Path) -> Layer:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # Also of numbers and nests without end.
         raise SettingsError(f"{path}: not TOML: {error}") from error
     known = [name for name in RunSettings.model_fields if name != "scenario"]
     for key in values:

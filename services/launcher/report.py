@@ -11,6 +11,7 @@ import numpy as np
 from schemas.map import MapSummary
 from schemas.metrics import Quality, Score
 from schemas.status import ServiceStatus
+from services.launcher.target_error import TargetErrors
 
 _PACKAGES = ("encircle", "numpy", "numba", "eclipse-zenoh", "pybullet", "open3d")
 _TOLERANCES = ("one_voxel", "two_voxels")
@@ -21,14 +22,18 @@ class Record:
     """What the services said during a run, instant by instant."""
 
     num_cameras: int
+    """At work now; may change."""
     summaries: list[MapSummary] = field(default_factory=list)
     wall_ns: list[int] = field(default_factory=list)
     """When each summary came, wall clock."""
+    whole: list[bool] = field(default_factory=list)
+    """Whether all cameras that were at work then are in each summary."""
     qualities: list[Quality] = field(default_factory=list)
     statuses: dict[tuple[str, str, int], ServiceStatus] = field(default_factory=dict)
     """The last heartbeat per service, instance and process; a restarted one counts anew."""
     first_cpu_s: dict[tuple[str, str, int], float] = field(default_factory=dict)
     """Processor time at the first heartbeat: starting up is not working."""
+    target: TargetErrors = field(default_factory=TargetErrors)
 
     def add_summary(self, summary: MapSummary, wall_ns: int) -> None:
         """Take in one fused instant; one that is told twice counts once."""
@@ -36,6 +41,7 @@ class Record:
             return
         self.summaries.append(summary)
         self.wall_ns.append(wall_ns)
+        self.whole.append(len(summary.cameras_used) >= self.num_cameras)
 
     def add_quality(self, quality: Quality) -> None:
         """Take in one scored instant; an instant scored twice counts by its last score."""
@@ -52,7 +58,7 @@ class Record:
     @property
     def complete(self) -> int:
         """Instants in which all cameras were fused."""
-        return sum(len(each.cameras_used) == self.num_cameras for each in self.summaries)
+        return sum(self.whole)
 
     @property
     def perceptions_per_s(self) -> float | None:
@@ -60,8 +66,7 @@ class Record:
         if len(self.summaries) < 2:
             return None
         span_s = (self.wall_ns[-1] - self.wall_ns[0]) * 1e-9
-        first_complete = len(self.summaries[0].cameras_used) == self.num_cameras
-        return (self.complete - first_complete) / span_s if span_s > 0 else None
+        return (self.complete - self.whole[0]) / span_s if span_s > 0 else None
 
 
 @dataclass(frozen=True)
@@ -106,6 +111,7 @@ def report(record: Record, run: Run) -> dict[str, Any]:
             for index, name in enumerate(_TOLERANCES)
         },
         "missing": _missing(record.qualities),
+        "target": record.target.report(),
         "instants_scored": len(record.qualities),
         "missed_clouds": sum(len(each.cameras_missing) for each in summaries),
         "bad_messages": sum(status.bad_messages for status in record.statuses.values()),

@@ -12,7 +12,7 @@ from rich.console import Console
 from services.launcher.chart import draw
 from services.launcher.errors import LauncherError
 from services.launcher.report import Record
-from services.launcher.settings import RunSettings
+from services.launcher.settings import RUNS_OWN, RunSettings
 from services.launcher.summary import summary
 
 
@@ -30,12 +30,15 @@ class Results:
         Raises:
             LauncherError: If it, or a file that was asked for, cannot be written.
         """
+        recording = settings.record
+        if recording is not None and recording != RUNS_OWN and recording.exists():
+            raise LauncherError(f"{recording} exists; give another name for the recording")
         now = datetime.now().strftime("%Y-%m-%dT%H-%M-%S")
         tries = (settings.runs / (now if n == 1 else f"{now}-{n}") for n in range(1, 100))
         folder = next(path for path in tries if not path.exists())
         try:
             folder.mkdir(parents=True)
-            for path in (settings.report, settings.save_map):
+            for path in (settings.report, settings.save_map, settings.record):
                 if path is not None:
                     path.parent.mkdir(parents=True, exist_ok=True)
             (folder / "settings.json").write_text(settings.model_dump_json(indent=2) + "\n")
@@ -49,10 +52,10 @@ class Results:
         return self.folder / "logs"
 
     @property
-    def map_paths(self) -> list[Path]:
-        """Where the mapper shall save the map; absolute, as it may live elsewhere."""
-        wanted = [self.folder / "map.ply", self.settings.save_map]
-        return [path.resolve() for path in wanted if path is not None]
+    def maps(self) -> dict[str, Path | None]:
+        """Maps that the mapper shall save in the folder, and where each is then moved to."""
+        wanted = self.settings.save_map
+        return {"map.ply": None} | ({} if wanted is None else {f"wanted{wanted.suffix}": wanted})
 
     def write(self, record: Record, figures: dict[str, Any], console: Console) -> None:
         """Write the report and the chart, and print the summary."""

@@ -29,6 +29,10 @@ def summary(figures: Mapping[str, Any]) -> Table:
     for key, label in (("fuse_ms", "fusing"), ("latency_ms", "shutter to map")):
         if figures[key] is not None:
             table.add_row(label, f"p50 {figures[key]['p50']:.1f} ms, p95 {figures[key]['p95']:.1f}")
+    if (target := figures["target"]) is not None:
+        place, missed = target["place_m"], target["missed"]
+        errors = f"{place['rms'] * 1000:.0f} mm RMS, {place['max'] * 1000:.0f} mm at most"
+        table.add_row("target estimate off", f"{errors}; not seen at {missed} instants")
     for key, label in _SHARES.items():
         if figures[key] is not None:
             parts = (f"{figure} {value:.1%}" for figure, value in figures[key].items())

@@ -10,7 +10,6 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Literal, Self
 
 from services.launcher.processes import ProcessSpec
@@ -18,12 +17,14 @@ from services.launcher.processes import ProcessSpec
 logger = logging.getLogger(__name__)
 
 TERMINATE_TIMEOUT_S = 2.0
+_PATIENCE_S = {"recorder": 20.0}
+"""Of those that have something to finish: a long recording's last samples and its summary."""
 _CHILD_SCRIPT = Path(__file__).with_name("child.py")
 _POLL_S = 0.01
 _NEVER_AGAIN = 2
 """Exit code of a service whose settings are wrong: starting it again cannot mend it."""
 
-State = Literal["running", "waiting", "failed", "stopped"]
+State = Literal["running", "waiting", "failed", "stopped", "ending"]
 
 
 @dataclass(frozen=True)
@@ -69,12 +70,18 @@ class Child:
     crashes_in_a_row: int = 0
     started_s: float = 0.0
     restart_at_s: float = 0.0
+    kill_at_s: float = 0.0
     process: subprocess.Popen[bytes] | None = field(default=None, repr=False)
 
     @property
     def pid(self) -> int | None:
         """Process id while it runs."""
         return self.process.pid if self.process is not None and self.state == "running" else None
+
+    @property
+    def patience_s(self) -> float:
+        """How long it may take to end once it is asked to."""
+        return _PATIENCE_S.get(self.spec.service, TERMINATE_TIMEOUT_S)
 
 
 class Supervisor:
@@ -95,24 +102,20 @@ class Supervisor:
         self.children = {spec.name: Child(spec) for spec in specs}
         self._logs = logs
         self._policy = policy or RestartPolicy()
+        self._ended_restarts = 0
         self._environment = dict(os.environ if environment is None else environment)
 
     def __enter__(self) -> Self:
         self._logs.mkdir(parents=True, exist_ok=True)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     @property
     def restarts(self) -> int:
         """How many times any child was started again."""
-        return sum(child.restarts for child in self.children.values())
+        return self._ended_restarts + sum(each.restarts for each in self.children.values())
 
     def start(self, *names: str) -> None:
         """Start the named children, or all that have not been started."""
@@ -120,11 +123,30 @@ class Supervisor:
             if child.state == "stopped":
                 self._launch(child)
 
+    def add(self, spec: ProcessSpec) -> None:
+        """Start one more."""
+        self.children[spec.name] = Child(spec)
+        self.start(spec.name)
+
+    def end(self, name: str) -> None:
+        """Ask a child to end; it is forgotten when a `poll` finds that it has."""
+        child = self.children[name]
+        if child.state == "running":
+            _signal_group(child, signal.SIGTERM)
+            child.kill_at_s = time.monotonic() + child.patience_s
+        child.state = "ending"
+
+    def kill(self, name: str) -> None:
+        """End a child at once; the next `poll` finds that it crashed, and starts it again."""
+        _signal_group(self.children[name], signal.SIGKILL)
+
     def poll(self) -> list[Crash]:
         """Notice what ended, start again what is due; return the crashes since the last call."""
         now_s, crashes = time.monotonic(), []
-        for child in self.children.values():
-            if child.state == "running" and child.process is not None:
+        for child in list(self.children.values()):
+            if child.state == "ending":
+                self._go_on_ending(child, now_s)
+            elif child.state == "running" and child.process is not None:
                 code = child.process.poll()
                 if code is not None:
                     crashes.extend(self._ended(child, code, now_s))
@@ -138,16 +160,16 @@ class Supervisor:
         return self._logs / f"{self.children[name].spec.log_name}.log"
 
     def stop(self) -> None:
-        """End all children: SIGTERM, and after 2 s SIGKILL, each to its whole group."""
-        alive = [child for child in self.children.values() if child.state == "running"]
+        """End all children: SIGTERM, then SIGKILL to each group that outlasts our patience."""
+        alive = [each for each in self.children.values() if each.state in ("running", "ending")]
         for child in alive:
             _signal_group(child, signal.SIGTERM)
-        deadline_s = time.monotonic() + TERMINATE_TIMEOUT_S
-        while any(_runs(child) for child in alive) and time.monotonic() < deadline_s:
-            time.sleep(_POLL_S)
-        for child in alive:
+        asked_s = time.monotonic()
+        for child in sorted(alive, key=lambda each: each.patience_s):
+            while _runs(child) and time.monotonic() < asked_s + child.patience_s:
+                time.sleep(_POLL_S)
             if _runs(child):
-                logger.warning("%s did not stop within %g s", child.spec.name, TERMINATE_TIMEOUT_S)
+                logger.warning("%s did not stop within %g s", child.spec.name, child.patience_s)
             _signal_group(child, signal.SIGKILL)  # Also what the child itself has started.
             if child.process is not None:
                 child.process.wait()
@@ -175,6 +197,14 @@ class Supervisor:
             )
         child.state = "running"
         child.started_s = time.monotonic()
+
+    def _go_on_ending(self, child: Child, now_s: float) -> None:
+        if not _runs(child):
+            _signal_group(child, signal.SIGKILL)  # Also what it has started itself.
+            self._ended_restarts += child.restarts
+            del self.children[child.spec.name]
+        elif now_s >= child.kill_at_s:
+            _signal_group(child, signal.SIGKILL)
 
     def _ended(self, child: Child, code: int, now_s: float) -> list[Crash]:
         _signal_group(child, signal.SIGKILL)

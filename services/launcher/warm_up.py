@@ -30,8 +30,14 @@ def _mapper() -> None:
     warm_up()
 
 
+def _planner() -> None:
+    from services.planner.warm_up import warm_up
+
+    warm_up()
+
+
 # Each runs the kernels of a service on tiny arrays of the types it uses.
-_USERS = {"object": _object, "cameras": _cameras, "mapper": _mapper}
+_USERS = {"object": _object, "cameras": _cameras, "mapper": _mapper, "planner": _planner}
 
 
 def warm_up(say: Callable[[str], None]) -> None:

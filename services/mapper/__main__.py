@@ -6,5 +6,4 @@ from services.mapper.warm_up import warm_up
 from services.runtime.service import main
 
 if __name__ == "__main__":
-    warm_up()  # Takes a moment: before the bus knows us, and the simulator waits for us.
-    main(MapperSettings, "mapper", MapperService)
+    main(MapperSettings, "mapper", MapperService, prepare=warm_up)

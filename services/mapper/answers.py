@@ -32,3 +32,19 @@ class Voxels(NamedTuple):
     """(N, 3), map frame."""
     probability: NDArray[np.float64]
     """(N,) of being occupied."""
+
+
+class RayHits(NamedTuple):
+    """Where rays end: the first occupied voxel, or, if asked to stop there, unknown one."""
+
+    outcome: NDArray[np.uint8]
+    """(N,) class of the end voxel: 2 occupied, 0 unknown; 1 met nothing, 255 no ray."""
+    points_m: NDArray[np.float64]
+    """(N, 3) centre of the end voxel, map frame; NaN where there is none."""
+    distance_m: NDArray[np.float64]
+    """(N,) along the ray to where it enters the end voxel; inf if it met nothing, NaN if no ray."""
+
+    @property
+    def num_invalid(self) -> int:
+        """Rays that are none: a direction of zero, what is not finite, origins beyond 1e6 m."""
+        return int(np.count_nonzero(self.outcome == 255))

@@ -33,6 +33,8 @@ class Close:
 class Barrier(Generic[T]):
     """A camera is waited for if it is alive, has not gone past the tick and is not known to fail.
 
+    One that comes when instants have been closed may not have its place yet: it joins by speaking.
+
     A camera's own ticks only grow: one that is already further will not speak for this tick, and
     one that goes back tells of a new run. Who misses a deadline is not waited for until it speaks.
     """
@@ -41,6 +43,7 @@ class Barrier(Generic[T]):
         self.num_late = 0
         """Clouds that came after their instant had been closed."""
         self._alive: set[int] = set()
+        self._coming: set[int] = set()
         self._failed: set[int] = set()
         self._newest: dict[int, int] = {}
         self._pending: dict[int, dict[int, T]] = {}
@@ -52,7 +55,7 @@ class Barrier(Generic[T]):
     @property
     def alive(self) -> tuple[int, ...]:
         """Cameras that are there, whether waited for or not."""
-        return tuple(sorted(self._alive))
+        return tuple(sorted(self._alive | self._coming))
 
     @property
     def open_tick(self) -> int | None:
@@ -60,13 +63,17 @@ class Barrier(Generic[T]):
         return min(self._pending, default=None)
 
     def appear(self, camera: int) -> None:
-        """Wait for a camera from now on."""
+        """Wait for a camera from now on; one that comes late, from its first word on."""
+        if self._closed >= 0 and camera not in self._newest:
+            self._coming.add(camera)
+            return
         self._alive.add(camera)
         self._failed.discard(camera)
 
     def vanish(self, camera: int) -> list[Take[T] | Close]:
         """Wait no longer for a camera."""
         self._alive.discard(camera)
+        self._coming.discard(camera)
         self._newest.pop(camera, None)
         return self._advance()
 
@@ -75,6 +82,7 @@ class Barrier(Generic[T]):
         if tick < self._newest.get(camera, 0):
             self._restart()
         self._alive.add(camera)
+        self._coming.discard(camera)
         self._failed.discard(camera)
         self._newest[camera] = tick
         if tick <= self._closed or camera in self._taken_at(tick):

@@ -25,6 +25,10 @@ class BadDepth(MapperError):
     """A depth image, its scale or its range is not usable."""
 
 
+class BadColor(MapperError):
+    """A picture is not usable, or not that of the depth image."""
+
+
 class BadIntrinsics(MapperError):
     """The pinhole parameters are not usable."""
 
@@ -33,9 +37,29 @@ class BadPoints(MapperError):
     """Points, or the origin of their rays, are not usable."""
 
 
+class BadThreads(MapperError):
+    """A number of threads is not usable."""
+
+
 class BadDecay(MapperError):
     """A time or half-life is not usable."""
 
 
 class BadMapFile(MapperError):
     """A file holds no map of ours, or its name ends in an unknown format."""
+
+
+class BadRows(MapperError):
+    """A number of rows to be told at once is too small."""
+
+
+class TooMuchAsked(MapperError):
+    """An answer would be larger than is allowed."""
+
+
+class MissingScipy(MapperError):
+    """A question needs a package that is not installed; the text names the extra."""
+
+
+class BadMemory(MapperError):
+    """A request does not go with what is remembered."""

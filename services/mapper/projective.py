@@ -1,145 +1,106 @@
-"""Fuse an organised cloud by projecting the map into the image: each voxel once, or whole bricks.
+"""Fuse organised clouds by projecting the map into the images: each voxel once, or whole bricks.
 
 OctoMap's update rules; free space is sampled at voxel centres over the voxel's footprint, not ray
 by ray.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise, repeat
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from services.kernels import carve, hits
-from services.kernels.bricks import BRICK, VOXELS
+from services.kernels import hits
+from services.kernels.bricks import UNIFORM, Bricks
 from services.mapper.answers import Fused
 from services.mapper.box import Box
 from services.mapper.brick_store import BrickStore
+from services.mapper.look import Look, Span
 from services.mapper.sensor_model import SensorModel
-from services.mapper.sight import Sight
+from services.mapper.view import INVALID, NO_RETURN, View
 
-INVALID = 0
-"""A pixel that knows nothing."""
-NO_RETURN = 65535
-"""A pixel that looked and saw nothing: free up to the maximum range."""
-FOOTPRINT = 1.25
-"""Window over a voxel's projected edge; fitted to OctoMap's free space (benchmarks/mapping.py)."""
-MARGIN = 0.5
-"""Voxels that a return must lie behind a voxel's centre to free it."""
-
-
-@dataclass(frozen=True)
-class View:
-    """One depth image: (H, W) uint16, where it was taken (map frame) and how to read it."""
-
-    depth: NDArray[np.uint16]
-    pinhole: tuple[float, float, float, float]
-    T_map_camera: NDArray[np.float64]
-    scale_m: float
-    max_range_m: float
+_SPANS_PER_THREAD = 4
+"""Spans are taken as threads come free: bricks with much work lie together."""
 
 
 class ProjectiveIntegrator:
-    """Fuses depth images into a store."""
+    """Fuses depth images into a store.
+
+    With several threads each takes an image, then bricks of its own: for every brick the images
+    come in their order, so the map is that of one thread to the last bit.
+    """
 
     def __init__(self, box: Box, store: BrickStore, sensor: SensorModel) -> None:
-        self._box, self._store = box, store
-        self._update = sensor.fixed_point()
-        total = store.bricks.slot.size
-        self._listed = (
-            np.empty(total, np.int32),
-            np.empty(total, np.uint8),
-            np.empty((total, 3), np.float32),
-            np.empty(total, np.int32),
-        )
-        i, j, k = np.unravel_index(np.arange(VOXELS), (BRICK, BRICK, BRICK))
-        self._voxels_m = (np.stack([i, j, k]) - (BRICK - 1) / 2) * box.resolution_m
-        self._sight = Sight(1, 1)
+        self._box, self._store, self._sensor = box, store, sensor
+        self._looks = [Look(store.bricks.slot.size)]
 
-    def fuse(self, view: View) -> Fused:
-        """Fuse one checked image."""
-        if view.depth.shape != self._sight.shape:
-            self._sight = Sight(*view.depth.shape)
-        scan = self._store.begin_scan()
-        limit = np.uint16(min(int(view.max_range_m / view.scale_m), NO_RETURN - 1))
-        num_hits = self._hit(view, limit, scan)  # the voxels that the pixels end in
-        self._sight.look(view.depth, limit, view.scale_m)  # how far the image sees
-        count = self._cull(view, scan)  # the bricks it says anything about
-        self._carve(view, count, scan)  # the voxels it sees beyond
-        num_returns = hits.count_returns(view.depth, INVALID, NO_RETURN)
-        return Fused(num_hits, int(num_returns), 0)
+    def move_to(self, box: Box) -> None:
+        """Go on in a box that has moved by whole bricks."""
+        self._box = box
 
-    def _hit(self, view: View, limit: np.uint16, scan: np.uint8) -> int:
-        fx, fy, cx, cy = view.pinhole
-        R, resolution_m = view.T_map_camera[:3, :3], self._box.resolution_m
-        per_raw = view.scale_m / resolution_m
-        du, dv = R[:, 0] * per_raw / fx, R[:, 1] * per_raw / fy
-        corner = R[:, 2] * per_raw - du * cx - dv * cy
-        offset = (view.T_map_camera[:3, 3] - self._box.origin_m) / resolution_m
-        hit, _, low, high = self._update
-        row, total = 0, 0
-        while True:
-            row, count = hits.hit_pixels(
-                self._store.bricks,
-                view.depth,
-                row,
-                limit,
-                du.astype(np.float32),
-                dv.astype(np.float32),
-                corner.astype(np.float32),
-                offset.astype(np.float32),
-                scan,
-                hit,
-                low,
-                high,
-            )
-            total += int(count)
-            if row == len(view.depth):
-                return total
-            self._store.grow()
+    @property
+    def num_bytes(self) -> int:
+        """Bytes of the lists of bricks."""
+        return sum(look.num_bytes for look in self._looks)
 
-    def _cull(self, view: View, scan: np.uint8) -> int:
-        resolution_m = self._box.resolution_m
-        R_camera_map = view.T_map_camera[:3, :3].T
-        T = np.empty((3, 4), np.float32)
-        T[:, :3] = R_camera_map * (BRICK * resolution_m)
-        T[:, 3] = R_camera_map @ (self._box.origin_m - view.T_map_camera[:3, 3])
-        half_m = np.abs(R_camera_map).sum(axis=1) * ((BRICK - 1) / 2 * resolution_m)
-        count: int = carve.cull(
-            self._store.bricks,
-            T,
-            half_m.astype(np.float32),
-            np.asarray(view.pinhole, np.float32),
-            np.asarray(view.depth.shape, np.int64),
-            self._sight.tiles(),
-            np.float32(FOOTPRINT * view.pinhole[0] * resolution_m),
-            scan,
-            self._update[2],
-            np.float32(MARGIN * resolution_m),
-            self._listed,
-        )
-        return count
+    def fuse(self, views: Sequence[View], threads: int = 1) -> Fused:
+        """Fuse checked images in order."""
+        while len(self._looks) < threads:
+            self._looks.append(Look(self._store.bricks.slot.size))
+        try:
+            if threads == 1:
+                num_hits = sum(self._fuse([view], 1, map) for view in views)
+            else:
+                with ThreadPoolExecutor(threads) as pool:
+                    starts = range(0, len(views), threads)
+                    num_hits = sum(
+                        self._fuse(views[n : n + threads], threads, pool.map) for n in starts
+                    )
+        except BaseException:
+            # Interrupted: what was fused stays, nothing of the rest may.
+            self._store.recount()
+            for look in self._looks:
+                look.forget()
+            raise
+        num_returns = sum(hits.count_returns(v.depth, INVALID, NO_RETURN) for v in views)
+        return Fused(int(num_hits), int(num_returns), 0)
 
-    def _carve(self, view: View, count: int, scan: np.uint8) -> None:
-        used = self._listed[3][:count][self._listed[1][:count] == carve.PART]
-        sights = self._sight.levels(used)
-        offsets = (view.T_map_camera[:3, :3].T @ self._voxels_m).astype(np.float32)
-        _, miss, low, _ = self._update
-        first = 0
-        while True:
-            first = carve.carve(
-                self._store.bricks,
-                first,
-                count,
-                self._listed,
-                offsets,
-                sights,
-                np.asarray(view.pinhole, np.float32),
-                np.asarray(view.depth.shape, np.int64),
-                scan,
-                miss,
-                low,
-                np.float32(MARGIN * self._box.resolution_m),
-            )
-            if first == count:
-                return
-            self._store.grow()
+    def _fuse(self, views: Sequence[View], threads: int, each: Callable[..., Iterable[Any]]) -> int:
+        """Fuse as many images as there are threads; return how many voxels were hit."""
+        looks, store = self._looks[: len(views)], self._store
+        update = self._sensor.fixed_point()
+        list(each(Look.locate, looks, views, repeat(self._box)))
+        for look in looks:
+            for other in looks:
+                if other is not look:
+                    look.heed(other)
+        list(each(Look.list_bricks, looks, repeat(store.bricks), repeat(update[2])))
+        spans = self._spans(threads)
+
+        def apply(bricks: Bricks, span: Span) -> int:
+            return sum(look.apply(bricks, span, update) for look in looks)
+
+        if len(spans) == 1:
+            num_hits = apply(store.bricks, spans[0])
+        else:
+            shares = store.shares([self._slots_needed(looks, span) for span in spans])
+            num_hits = sum(each(apply, shares, spans))
+            store.rejoin(shares)
+        for look in looks:
+            look.forget()
+        return num_hits
+
+    def _slots_needed(self, looks: Sequence[Look], span: Span) -> int:
+        """Return how many slots the images may ask for, never more than there are bricks."""
+        closed = np.count_nonzero(self._store.bricks.slot[span.first : span.end] == UNIFORM)
+        wanted = sum(look.slots_needed(self._store.bricks, span) for look in looks)
+        return min(int(closed), wanted)
+
+    def _spans(self, threads: int) -> list[Span]:
+        """Cut the directory into spans of whole columns of bricks."""
+        total = self._store.bricks.slot.size
+        if threads == 1:
+            return [Span(0, total)]
+        cuts = np.linspace(0, total, _SPANS_PER_THREAD * threads + 1).astype(int)
+        return [Span(int(a), int(b)) for a, b in pairwise(cuts)]

@@ -7,32 +7,39 @@ p >= 0.5.
 
 import math
 from collections.abc import Iterable, Sequence
-from pathlib import Path
-from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from services.kernels import classes
-from services.kernels.bricks import UNKNOWN
-from services.mapper import checks, map_files
-from services.mapper.answers import Counts, Fused, Voxels
+from services.kernels import clamp
+from services.mapper import checks
+from services.mapper.answers import Fused
+from services.mapper.archive import Archive, BehindWindow, Nothing
 from services.mapper.box import Box
 from services.mapper.brick_store import BrickStore
-from services.mapper.errors import BadDecay, BadMapFile, BadPoints
+from services.mapper.colors import Palette, Uncolored
+from services.mapper.errors import BadDecay, BadDepth, BadPoints
+from services.mapper.ever_free import EverFreeWatch, Unwatched, Watch
 from services.mapper.exact import ExactIntegrator
-from services.mapper.projective import ProjectiveIntegrator, View
+from services.mapper.fading import Fading
+from services.mapper.projective import ProjectiveIntegrator
 from services.mapper.published import Published
-from services.mapper.sensor_model import LOG_ODDS_SCALE, SensorModel
+from services.mapper.sensor_model import SensorModel
+from services.mapper.shift import leaving
+from services.mapper.storable_map import StorableMap
+from services.mapper.view import View
 
-FORGOTTEN = LOG_ODDS_SCALE // 10
-"""Log-odds (fixed point) below which decay makes a voxel unknown: |p - 0.5| < 0.025."""
-_ENTROPY_SHIFT = 4  # a table of 4096 entries stays in the first cache; the error is below 1e-3 bit.
+_LONGEST_S = 1e9
+"""Of a step of time, 32 years; the clock is a sum of such."""
 Pinhole = tuple[float, float, float, float]
 
 
-class VoxelMap:
+class VoxelMap(StorableMap):
     """The map. The box is snapped outward to the voxel lattice and to bricks of 8 voxels.
+
+    The box is a window: `move_to` moves it. What leaves it is forgotten, or, with `archive`, kept
+    until it enters again. With `dynamic` the voxels in which something has come are flagged; then
+    `changes` ends an instant. `ReadableMap` is what can be asked, `StorableMap` what goes to files.
 
     Raises:
         BadBox, MapTooLarge, BadSensorModel: All are MapperError; see `box` and `sensor_model`.
@@ -44,19 +51,24 @@ class VoxelMap:
         bounds_min_m: Sequence[float],
         bounds_max_m: Sequence[float],
         sensor: SensorModel | None = None,
+        *,
+        archive: bool = False,
+        dynamic: bool = False,
     ) -> None:
+        self._behind: BehindWindow = Archive() if archive else Nothing()
         self._build(Box.covering(resolution_m, bounds_min_m, bounds_max_m), sensor or SensorModel())
+        if dynamic:
+            self._watch = EverFreeWatch(self._store.shape)
 
     def _build(self, box: Box, sensor: SensorModel) -> None:
         self.box, self.sensor = box, sensor
         self._store = BrickStore(box.num_bricks)
         self._projective = ProjectiveIntegrator(box, self._store, sensor)
         self._exact = ExactIntegrator(box, self._store, sensor)
-        self._published = Published(self._store)
-        levels = (np.arange(0, 65536, 1 << _ENTROPY_SHIFT) + UNKNOWN) / LOG_ODDS_SCALE
-        p = 1.0 / (1.0 + np.exp(-levels))
-        self._bits = (-p * np.log2(p) - (1 - p) * np.log2(1 - p)).astype(np.float32)
-        self._bits[0] = 1.0  # unknown.
+        self._published = Published(box, self._store)
+        self._fading = Fading(self._store)
+        self._colors: Palette = Uncolored()
+        self._watch: Watch = Unwatched()
 
     def fuse_depth(
         self,
@@ -65,6 +77,7 @@ class VoxelMap:
         T_map_camera: ArrayLike,
         depth_scale_m: float = 0.001,
         max_range_m: float = 10.0,
+        color: NDArray[np.uint8] | None = None,
     ) -> Fused:
         """Fuse an organised cloud (projective integrator).
 
@@ -75,21 +88,33 @@ class VoxelMap:
             T_map_camera: (4, 4) optical frame (x right, y down, z forward) to map frame.
             depth_scale_m: metres per unit.
             max_range_m: depth beyond which nothing is believed; farther returns only free.
+            color: (H, W, 3) red, green, blue of every pixel, for `colors`.
 
         Raises:
-            BadDepth, BadIntrinsics, BadPose: The map is as it was.
+            BadDepth, BadColor, BadIntrinsics, BadPose: The map is as it was.
         """
         view = self._checked(depth, pinhole, T_map_camera, depth_scale_m, max_range_m)
-        return self._projective.fuse(view)
+        picture = None if color is None else checks.picture(color, view.depth.shape)
+        self._colors.forget(self._store.bricks)
+        fused = self._projective.fuse([view])
+        if picture is not None:
+            self._colors = self._colors.with_picture(self._store.bricks, self.box, view, picture)
+        return fused
 
-    def fuse_many(self, views: Iterable[View]) -> Fused:
-        """Fuse depth images in order; all are checked before the first is fused."""
+    def fuse_many(self, views: Iterable[View], threads: int = 1) -> Fused:
+        """Fuse depth images in order; all are checked before the first is fused.
+
+        With several threads each takes an image; the map is that of one thread to the last bit.
+        """
+        views = list(views)
+        if wrong := [view for view in views if not isinstance(view, View)]:
+            raise BadDepth(f"view {wrong[0]!r} must be a View")
         checked = [
             self._checked(v.depth, v.pinhole, v.T_map_camera, v.scale_m, v.max_range_m)
             for v in views
         ]
-        fused = [self._projective.fuse(view) for view in checked]
-        return Fused(sum(f.num_hits for f in fused), sum(f.num_returns for f in fused), 0)
+        self._colors.forget(self._store.bricks)
+        return self._projective.fuse(checked, checks.threads(threads))
 
     def fuse_points(
         self,
@@ -97,6 +122,7 @@ class VoxelMap:
         origin_m: ArrayLike,
         max_range_m: float = math.inf,
         discretize: bool = True,
+        threads: int = 1,
     ) -> Fused:
         """Fuse an unorganised cloud (exact integrator): OctoMap's classes, voxel for voxel.
 
@@ -108,6 +134,7 @@ class VoxelMap:
             origin_m: (3,) where the rays start, map frame.
             max_range_m: farther points free the ray up to here and hit nothing.
             discretize: one ray per end voxel, to its centre (OctoMap's option of that name).
+            threads: rays walk in so many; the map does not depend on it.
 
         Raises:
             BadPoints: The map is as it was.
@@ -115,105 +142,93 @@ class VoxelMap:
         cloud, origin = checks.points(points_m, origin_m)
         if not max_range_m > 0.0:
             raise BadPoints(f"maximum range {max_range_m} m must be positive")
-        num_hits, skipped = self._exact.fuse(cloud, origin, max_range_m, discretize)
+        self._colors.forget(self._store.bricks)
+        num_hits, skipped = self._exact.fuse(
+            cloud, origin, max_range_m, discretize, checks.threads(threads)
+        )
         return Fused(num_hits, len(cloud) - skipped, skipped)
 
-    def classify(self, points_m: ArrayLike) -> NDArray[np.uint8]:
-        """Return for points (N, 3), map frame: 0 unknown or outside, 1 free, 2 occupied."""
-        points = np.asarray(points_m, np.float64)
-        if points.ndim != 2 or points.shape[1] != 3:
-            raise BadPoints(f"points have shape {points.shape}; it must be (N, 3)")
-        out = np.empty(len(points), np.uint8)
-        classes.classify_points(self._store.bricks, self.box.keys(points), out)
-        return out
+    def changes(self, max_rows: int | None = None) -> NDArray[np.int16]:
+        """Return (N, 4) rows i, j, k, class of voxels whose class changed since the last call.
 
-    def occupied(self) -> Voxels:
-        """Return the occupied voxels."""
-        return self._voxels(occupied=True)
-
-    def free(self) -> Voxels:
-        """Return the free voxels."""
-        return self._voxels(occupied=False)
-
-    def log_odds_dense(self) -> NDArray[np.float32]:
-        """Return the log-odds of the whole box, (nx, ny, nz); unknown is NaN."""
-        dense = np.empty(self.box.shape, np.int16)
-        classes.expand(self._store.bricks, dense)
-        unit = np.float32(1 / LOG_ODDS_SCALE)
-        return np.where(dense == UNKNOWN, np.float32(np.nan), dense.astype(np.float32) * unit)
-
-    def changes(self) -> NDArray[np.int16]:
-        """Return (N, 4) rows i, j, k, class of voxels whose class changed since the last call."""
-        return self._published.changes()
-
-    def decay(self, dt_s: float, half_life_s: float) -> None:
-        """Halve the log-odds every half_life_s: what is not seen again becomes unknown.
+        Indices are in the window as it is now: of what has entered it since, what is known is told.
+        More than `max_rows` are not told at once; the rest comes first with the next call.
 
         Raises:
-            BadDecay: If dt_s is negative or half_life_s not positive.
+            BadRows: If they are fewer than a brick's, 512.
         """
-        if not (math.isfinite(dt_s) and dt_s >= 0.0 and half_life_s > 0.0):
-            raise BadDecay(f"dt {dt_s} s must be >= 0 and half-life {half_life_s} s positive")
-        factor = np.float32(0.5 ** (dt_s / half_life_s))
-        classes.fade_bricks(self._store.bricks, factor, FORGOTTEN)
+        checks.rows_at_once(max_rows)
+        self._watch.observe(self._fading.settled(), self.sensor.fixed_point()[2])
+        return self._published.changes(self.box, max_rows)
+
+    def move_to(self, centre_m: ArrayLike, slack_bricks: float = 1.0) -> bool:
+        """Move the window by whole bricks, to be centred on a point (3,), map frame, m.
+
+        What stays is untouched; what leaves is forgotten, or archived; what enters is unknown, or
+        comes back from the archive.
+
+        Args:
+            centre_m: the point. slack_bricks: the window stays along the axes on which the point is
+                no farther from its centre.
+
+        Returns:
+            Whether the window has moved.
+
+        Raises:
+            BadBox: If the window would be too far from the origin; the map is as it was.
+        """
+        step = self.box.step_to(centre_m, slack_bricks)
+        if step == (0, 0, 0):
+            return False
+        box = self.box.moved(step)
+        self._fading.present()
+        self._behind.receive(self.box, self._store, leaving(self._store.shape, step))
+        self._store.shift(step)
+        self._watch.shift(step)
+        self._colors.forget(self._store.bricks)
+        self._behind.hand_back(box, self._store, self.sensor.fixed_point()[2:])
+        self.box = box
+        self._projective.move_to(box)
+        self._exact.move_to(box)
+        return True
+
+    def decay(self, dt_s: float, half_life_s: float) -> None:
+        """Let time pass, in which log-odds halve every half_life_s.
+
+        What is not seen again becomes unknown. Costs nothing per brick; see `kernels.fade`.
+
+        Raises:
+            BadDecay: If dt_s is not in 0 .. 1e9 or half_life_s not positive.
+        """
+        if not (0.0 <= dt_s <= _LONGEST_S and half_life_s > 0.0):
+            raise BadDecay(
+                f"dt {dt_s} s must lie in 0 .. {_LONGEST_S:g} s and half-life {half_life_s} s be "
+                "positive"
+            )
+        self._fading.pass_time(dt_s, half_life_s)
+
+    def set_sensor(self, sensor: SensorModel) -> None:
+        """Take another sensor model from the next scan on; what is beyond its clamps is clamped."""
+        if sensor == self.sensor:
+            return
+        _, _, low, high = sensor.fixed_point()
+        clamp.clamp_all(self._fading.present(), low, high)
+        self.sensor = sensor
+        self._projective = ProjectiveIntegrator(self.box, self._store, sensor)
+        self._exact = ExactIntegrator(self.box, self._store, sensor)
 
     def clear(self) -> None:
         """Forget everything; costs time per brick of the box, not per voxel."""
         self._store.clear()
-
-    def counts(self) -> Counts:
-        """Return the number of voxels of each class."""
-        free, occupied = classes.count_classes(self._store.bricks)
-        return Counts(self.box.num_voxels - free - occupied, int(free), int(occupied))
-
-    def entropy_bits(self) -> float:
-        """Return the sum of the voxels' Shannon entropies; an unknown voxel has one bit."""
-        return float(classes.sum_entropy(self._store.bricks, self._bits, _ENTROPY_SHIFT))
-
-    def known_bricks(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
-        """Return (M, 3) indices and (M, 512) log-odds (1/8192; -32768 unknown) of known bricks."""
-        return self._store.known()
-
-    def published_bricks(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
-        """Return known bricks as `known_bricks` does, with the classes of the last `changes`."""
-        return self._published.bricks(self.sensor)
+        self._watch.clear()
+        self._behind.clear()
 
     @property
     def num_bytes(self) -> int:
-        """Bytes held for bricks: the directory and the pool."""
-        return self._store.num_bytes
-
-    def save(self, path: str | Path) -> None:
-        """Write `.npz` (all that is known; `load` reads it) or `.ply` (occupied voxels).
-
-        Raises:
-            BadMapFile: If the name ends otherwise or the file cannot be written.
-        """
-        path = Path(path)
-        try:
-            match path.suffix:
-                case ".npz":
-                    stored = map_files.StoredMap(self.box, self.sensor, *self.known_bricks())
-                    map_files.write_npz(path, stored)
-                case ".ply":
-                    map_files.write_ply(path, *self.occupied())
-                case suffix:
-                    raise BadMapFile(f"unknown format {suffix!r} of {path}; known: .npz, .ply")
-        except OSError as error:
-            raise BadMapFile(f"cannot write {path}: {error}") from error
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a map that `save` wrote as `.npz`.
-
-        Raises:
-            BadMapFile: If it is none.
-        """
-        stored = map_files.read_npz(Path(path))
-        loaded = cls.__new__(cls)
-        loaded._build(stored.box, stored.sensor)
-        loaded._store.restore(stored.bricks, stored.log_odds)
-        return loaded
+        """Bytes held: of bricks, of what was told, of scratch, of the archive."""
+        own = self._store.num_bytes + self._published.num_bytes + self._behind.num_bytes
+        scratch = self._projective.num_bytes + self._exact.num_bytes
+        return own + scratch + self._colors.num_bytes + self._watch.num_bytes
 
     def _checked(
         self,
@@ -226,12 +241,3 @@ class VoxelMap:
         image = checks.depth_image(depth, scale_m, max_range_m)
         pose, camera = checks.rigid(T_map_camera), checks.pinhole(pinhole)
         return View(image, camera, pose, scale_m, max_range_m)
-
-    def _voxels(self, occupied: bool) -> Voxels:
-        index, log_odds = self.known_bricks()
-        chosen = (log_odds != UNKNOWN) & ((log_odds >= 0) == occupied)
-        rows, local = np.nonzero(chosen)
-        inside = np.stack([local >> 6, (local >> 3) & 7, local & 7], axis=1)
-        voxels = index[rows].astype(np.int64) * 8 + inside
-        probability = 1.0 / (1.0 + np.exp(-log_odds[rows, local] / LOG_ODDS_SCALE))
-        return Voxels(self.box.centres_m(voxels), probability)

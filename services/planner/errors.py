@@ -11,3 +11,7 @@ class ViewFileError(PlannerError):
 
 class UnknownSettingError(PlannerError):
     """A live change of something that cannot be changed."""
+
+
+class InfeasibleError(PlannerError):
+    """A formation that cannot be driven; the text names the inequality and what would do."""

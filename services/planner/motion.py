@@ -1,15 +1,19 @@
 """Moving frames: the target's motion, and views carried along by it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from services.kernels.rigid import FloatArray, rotation_exp
+from services.kernels.rigid import FloatArray, inverse, rotation_exp
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A frame and how it moves; velocities in the axes of the parent frame."""
+    """A frame and how it moves; velocities in the axes of the parent frame.
+
+    N frames of one parent are one motion of (N, 4, 4), (N, 3), (N, 3): `stacked`, `each`.
+    """
 
     T: FloatArray
     """(4, 4) parent from frame, metres."""
@@ -33,18 +37,47 @@ class Motion:
         return Motion(T, turned @ self.linear, turned @ self.angular)
 
     def carry(self, local: "Motion") -> "Motion":
-        """Lift a motion given in this frame to the parent; exact, whatever both do."""
-        R, arm = self.T[:3, :3], self.T[:3, :3] @ local.T[:3, 3]
+        """Lift a motion, or N, given in this frame to the parent; exact, whatever both do."""
+        R = self.T[:3, :3]
+        arm = local.T[..., :3, 3] @ R.T
         return Motion(
             T=self.T @ local.T,
-            linear=self.linear + np.cross(self.angular, arm) + R @ local.linear,
-            angular=self.angular + R @ local.angular,
+            linear=self.linear + np.cross(self.angular, arm) + local.linear @ R.T,
+            angular=self.angular + local.angular @ R.T,
         )
+
+    def seen_from(self, frame: "Motion") -> "Motion":
+        """Return this motion, or N, as seen in a moving frame: `frame.carry` undone."""
+        R = frame.T[:3, :3]
+        arm = self.T[..., :3, 3] - frame.T[:3, 3]
+        linear = self.linear - frame.linear - np.cross(frame.angular, arm)
+        return Motion(
+            T=inverse(frame.T) @ self.T,
+            linear=linear @ R,
+            angular=(self.angular - frame.angular) @ R,
+        )
+
+    def each(self) -> tuple["Motion", ...]:
+        """Take N frames apart."""
+        parts = zip(self.T, self.linear, self.angular, strict=True)
+        return tuple(Motion(T, linear, angular) for T, linear, angular in parts)
 
 
 def still(T: FloatArray) -> Motion:
-    """Return a frame that rests in its parent."""
-    return Motion(T, np.zeros(3), np.zeros(3))
+    """Return a frame, or N, resting in its parent."""
+    rest = np.zeros((*T.shape[:-2], 3))
+    return Motion(T, rest, rest)
+
+
+def stacked(motions: Sequence[Motion]) -> Motion:
+    """Put frames of one parent together."""
+    if not motions:
+        return still(np.empty((0, 4, 4)))
+    return Motion(
+        np.array([each.T for each in motions]),
+        np.array([each.linear for each in motions]),
+        np.array([each.angular for each in motions]),
+    )
 
 
 def _left_jacobian(w: FloatArray) -> FloatArray:

@@ -5,10 +5,15 @@ from typing import Annotated
 from pydantic import Field
 
 from services.planner.formation import FormationSettings
+from services.planner.limit_settings import LimitSettings
+from services.planner.path_settings import PathSettings
+from services.planner.target_settings import TargetSettings
 from services.runtime.settings import ServiceSettings
 
 
-class PlannerSettings(ServiceSettings, FormationSettings):
+class PlannerSettings(
+    ServiceSettings, FormationSettings, LimitSettings, TargetSettings, PathSettings
+):
     """Plan where the cameras go, from where the target is."""
 
     model_config = ServiceSettings.model_config | {"env_prefix": "ENCIRCLE_PLANNER_"}

@@ -14,6 +14,7 @@ from services.planner.errors import ViewFileError
 
 MAX_VIEWS = 100_000
 MAX_BYTES = 16 << 20
+_MOST_DIGITS = 9  # Of a count; Python refuses to read numbers of thousands.
 
 
 def read_views(path: Path) -> list[FloatArray]:
@@ -48,7 +49,7 @@ def parse_views(text: str, name: str = "views") -> list[FloatArray]:
         words = line.split("#", 1)[0].split()
         if not words:
             continue
-        if len(words) == 1 and declared is None and not views and words[0].isdecimal():
+        if len(words) == 1 and declared is None and not views and _is_count(words[0]):
             declared = int(words[0])
             continue
         views.append(_view(words, f"{name}:{number}"))
@@ -59,6 +60,10 @@ def parse_views(text: str, name: str = "views") -> list[FloatArray]:
     if not views:
         raise ViewFileError(f"{name}: no view; each line is `x y z qx qy qz qw`")
     return views
+
+
+def _is_count(word: str) -> bool:
+    return word.isdecimal() and len(word) <= _MOST_DIGITS
 
 
 def format_views(views: list[FloatArray]) -> str:

@@ -1,6 +1,5 @@
 """Requests and replies on `ctl/<service>[/<i>]/<verb>`, packed and unpacked."""
 
-import logging
 from collections.abc import Callable
 from typing import Any
 
@@ -12,7 +11,11 @@ from schemas.commands import CommandReply, CommandRequest
 from schemas.message import MessageError
 from services.runtime.errors import BadCommand, CommandFailed, RuntimeFault
 
-logger = logging.getLogger(__name__)
+_LONGEST_ERROR = 4096
+_REFUSALS = (
+    MessageError, RuntimeFault, ValueError, TypeError, KeyError, OSError,
+    ArithmeticError, MemoryError, RecursionError,  # Numbers and sizes out of reach.
+)  # fmt: skip
 
 Handler = Callable[[dict[str, Any]], dict[str, Any]]
 
@@ -43,17 +46,24 @@ def unpack_reply(asked_key: str, payload: bytes) -> dict[str, Any]:
     return reply.result
 
 
-def carry_out(asked_key: str, handler: Handler, payload: bytes) -> bytes:
-    """Run a handler on a request's bytes and pack its reply; an error becomes a clear one."""
+def carry_out(
+    asked_key: str, handler: Handler, payload: bytes, refuse: Callable[[str, str], None]
+) -> bytes:
+    """Run a handler on a request's bytes and pack its reply; an error becomes a clear one.
+
+    Args:
+        asked_key: The key of the request. handler: Takes its parameters. payload: Its bytes.
+        refuse: Told key and reason of a request that is not carried out.
+    """
     try:
         request = CommandRequest.model_validate(unpack(payload) if payload else {})
         reply = CommandReply(ok=True, result=handler(request.params))
     except ValidationError as error:
-        reply = CommandReply(ok=False, error=_first_error(error))
-    except (MessageError, RuntimeFault, ValueError, TypeError, KeyError, OSError) as error:
-        reply = CommandReply(ok=False, error=f"{type(error).__name__}: {error}"[:4096])
+        reply = CommandReply(ok=False, error=_first_error(error)[:_LONGEST_ERROR])
+    except _REFUSALS as error:
+        reply = CommandReply(ok=False, error=f"{type(error).__name__}: {error}"[:_LONGEST_ERROR])
     if not reply.ok:
-        logger.warning("%s refused: %s", asked_key, reply.error)
+        refuse(asked_key, reply.error)
     packed: bytes = msgpack.packb(reply.model_dump())
     return packed
 

@@ -27,3 +27,7 @@ class SettingsRefused(RuntimeFault):
 
 class MissingExtra(RuntimeFault):
     """An optional dependency is not installed; the text says which to install."""
+
+
+class BadExpression(RuntimeFault, ValueError):
+    """A key expression that zenoh does not take; the text names it."""

@@ -1,7 +1,9 @@
 """What a service says of itself once a second."""
 
 import os
+import platform
 import time
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from schemas.status import ServiceStatus
@@ -22,6 +24,7 @@ class Heartbeat:
         self._bus = bus
         self._stages = stages
         self._start_s = time.monotonic()
+        self._version = installed_version()
 
     def status(self) -> ServiceStatus:
         """Derive the service's health from its streams and stages."""
@@ -34,6 +37,8 @@ class Heartbeat:
             frame_id="none",
             service=service,
             instance=instance or "0",
+            version=self._version,
+            host=platform.node(),
             pid=os.getpid(),
             uptime_s=now_s - self._start_s,
             cpu_s=time.process_time(),
@@ -48,3 +53,11 @@ class Heartbeat:
     def publish(self) -> None:
         """Send one heartbeat."""
         self._bus.publish(SERVICE_STATUS, self.status(), service=self._bus.address)
+
+
+def installed_version() -> str:
+    """Return the version of encircle that is installed here; empty when it runs uninstalled."""
+    try:
+        return version("encircle")
+    except PackageNotFoundError:
+        return ""

@@ -4,6 +4,11 @@ import logging
 import sys
 import time
 
+import zenoh
+
+_ZENOH = "error,zenoh_link_tls=warn"
+"""Of zenoh's own log: whoever was turned away for its certificate is news. RUST_LOG overrides."""
+
 
 def start_logging(address: str, level: str) -> None:
     """Send this process's log to stderr, one line per event, UTC.
@@ -12,6 +17,7 @@ def start_logging(address: str, level: str) -> None:
         address: `service[/instance]`, printed in every line.
         level: Least severe level, e.g. `info`.
     """
+    zenoh.init_log_from_env_or(_ZENOH)
     line = f"%(asctime)s.%(msecs)03dZ %(levelname)-7s {address:<11} %(message)s"
     formatter = logging.Formatter(line, datefmt="%Y-%m-%dT%H:%M:%S")
     formatter.converter = time.gmtime

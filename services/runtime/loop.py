@@ -4,10 +4,12 @@ import heapq
 import itertools
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import zenoh
 
@@ -17,10 +19,14 @@ from services.runtime import command
 from services.runtime.bus import Bus
 from services.runtime.heartbeat import EARLY_S, PERIOD_S, Heartbeat
 from services.runtime.inbox import Inbox
+from services.runtime.later import Later
 from services.runtime.meter import StageMeter
 from services.runtime.reader import Received
 
 M = TypeVar("M", bound=Message)
+
+Gate = Callable[[Callable[[], None]], None]
+"""Calls what it is given, now or when its time has come, on the loop's thread."""
 
 
 @dataclass(order=True)
@@ -52,6 +58,8 @@ class Loop:
         self._timers: list[Timer] = []
         self._numbers = itertools.count()
         self._stopped = threading.Event()
+        self._endings: list[Callable[[], None]] = []
+        self._worker = ThreadPoolExecutor(1, "later")  # Starts no thread before there is work.
         self._heartbeat = Heartbeat(bus, self.stages)
         for early_s in EARLY_S:
             self.after(early_s, self._heartbeat.publish)
@@ -103,24 +111,83 @@ class Loop:
             lambda instance, alive: self._inbox.put_next(service, lambda: handler(instance, alive)),
         )
 
-    def serve(self, verb: str, handler: command.Handler) -> None:
-        """Answer requests for `verb`; what the handler raises becomes the reply's error."""
+    def serve(self, verb: str, handler: command.Handler, gate: Gate | None = None) -> None:
+        """Answer requests for `verb`; what the handler raises becomes the reply's error.
+
+        Args:
+            verb: The last part of the key.
+            handler: Takes the parameters and returns the result.
+            gate: Decides when a request is carried out; at once when None.
+        """
         key = command.key(self.bus.address, verb)
 
         def answer(query: zenoh.Query) -> None:
             with query:
-                payload = b"" if query.payload is None else query.payload.to_bytes()
-                query.reply(key, command.carry_out(key, handler, payload))
+                query.reply(key, command.carry_out(key, handler, _payload(query), self.bus.refuse))
 
-        self.bus.serve(key, lambda query: self._inbox.put_next(key, lambda: answer(query)))
+        def pass_on(query: zenoh.Query) -> None:
+            if gate is None:
+                answer(query)
+            else:
+                gate(lambda: answer(query))
 
-    def answer(self, topic: Topic[M], make: Callable[[], M]) -> None:
-        """Answer those who fetch a topic that is sent on request only."""
+        self.bus.serve(key, lambda query: self._inbox.put_next(key, lambda: pass_on(query)))
+
+    def serve_later(self, verb: str, begin: Callable[[dict[str, Any]], Later[Any]]) -> None:
+        """Answer requests that take long, one after the other, while messages are handled.
+
+        Args:
+            verb: The last part of the key.
+            begin: Takes the parameters, on the loop's thread, when the request before is answered;
+                what it, the work or the end of the work raises becomes the reply's error.
+        """
+        key = command.key(self.bus.address, verb)
+        queue: deque[zenoh.Query] = deque()  # The first is being worked on.
+
+        def arrive(query: zenoh.Query) -> None:
+            queue.append(query)
+            if len(queue) == 1:
+                begin_first()
+
+        def begin_first() -> None:
+            begun: list[Later[Any]] = []
+
+            def check(params: dict[str, Any]) -> dict[str, Any]:
+                begun.append(begin(params))
+                return {}
+
+            payload = _payload(queue[0])
+            refusal = command.carry_out(key, check, payload, self.bus.refuse)
+            if not begun:
+                finish(refusal)
+                return
+            later = begun[0]
+            done = self._worker.submit(later.work)
+
+            def end(_: dict[str, Any]) -> dict[str, Any]:
+                return later.then(done.result())
+
+            def finish_well() -> None:
+                finish(command.carry_out(key, end, payload, self.bus.refuse))
+
+            done.add_done_callback(lambda _: self._inbox.put_next(key, finish_well))
+
+        def finish(reply: bytes) -> None:
+            with queue.popleft() as query:
+                query.reply(key, reply)
+            if queue:
+                self._inbox.put_next(key, begin_first)
+
+        self.bus.serve(key, lambda query: self._inbox.put_next(key, lambda: arrive(query)))
+
+    def answer(self, topic: Topic[M], make: Callable[[], M | None]) -> None:
+        """Answer those who fetch a topic that is sent on request only; None is no answer."""
         key = topic.key_for()
 
         def reply(query: zenoh.Query) -> None:
             with query:
-                self.bus.answer(topic, query, make())
+                if (message := make()) is not None:
+                    self.bus.answer(topic, query, message)
 
         self.bus.serve(key, lambda query: self._inbox.put_next(key, lambda: reply(query)))
 
@@ -138,6 +205,10 @@ class Loop:
             self.after(period_s, again)
 
         self.after(period_s, again)
+
+    def at_end(self, call: Callable[[], None]) -> None:
+        """Call when the loop has been stopped, while the bus is still open."""
+        self._endings.append(call)
 
     def stage(self, name: str) -> AbstractContextManager[None]:
         """Time the block as a stage of this service's work."""
@@ -158,8 +229,14 @@ class Loop:
             if call is not None:
                 call()
         self._heartbeat.publish()
+        for call in self._endings:
+            call()
 
     def stop(self) -> None:
         """End `run` after the handler at hand; from any thread or a signal handler."""
         self._stopped.set()
         self._inbox.close()
+
+
+def _payload(query: zenoh.Query) -> bytes:
+    return b"" if query.payload is None else query.payload.to_bytes()

@@ -3,16 +3,16 @@
 from enum import Enum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from schemas.map import BRICK_SIDE, OCCUPIED, MapChanges, MapFull
+from services.kernels.voxel_keys import IntArray, pack, unpack
 
-IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 
-_BITS = 16  # Of one index: the map's are int16, so three of them fit an int64 with room left.
-_OFFSET = 1 << (_BITS - 1)
-_MASK = (1 << _BITS) - 1
+_OFF_LATTICE = 1e-3
+"""Voxels. Origins are whole multiples of the resolution in double precision: 10^6 voxels from the
+frame's origin they are right to 10^-9."""
 
 
 class Outcome(Enum):
@@ -22,7 +22,7 @@ class Outcome(Enum):
     STALE = "stale"
     """Older than what the mirror holds; ignored."""
     GAP = "gap"
-    """Something was missed; the mirror is as before and needs a `map/full`."""
+    """Something was missed, or the map is another; the mirror is as before and needs `map/full`."""
 
 
 class MapMirror:
@@ -39,13 +39,23 @@ class MapMirror:
     def apply(self, changes: MapChanges) -> Outcome:
         """Bring the mirror from `base_rev` to `rev`.
 
-        Base 0 is the empty map: such changes start the mirror afresh, whatever it held.
+        Base 0 is the empty map: such changes start the mirror afresh, whatever it held. If the
+        map's box has moved by whole voxels, what has left it is dropped.
         """
         if changes.base_rev and changes.base_rev != self.rev:
             return Outcome.STALE if changes.rev <= self.rev else Outcome.GAP
-        held = self._keys if changes.base_rev else np.empty(0, np.int64)
-        keys = _pack(changes.voxels)
-        self._keys = _replace(held, keys, keys[changes.classes == OCCUPIED])
+        held = np.empty(0, np.int64)
+        if changes.base_rev and self._latest is not None:
+            step = _step(self._latest, changes)
+            if step is None:
+                return Outcome.GAP
+            held = _moved(self._keys, step, changes.shape_voxels)
+        occupied = changes.classes == OCCUPIED
+        if len(held) == 0:
+            self._keys = np.sort(pack(changes.voxels[occupied]))
+        else:
+            keys = pack(changes.voxels)
+            self._keys = _replace(held, keys, keys[occupied])
         self._latest = changes
         return Outcome.APPLIED
 
@@ -55,7 +65,7 @@ class MapMirror:
             return Outcome.STALE
         brick, i, j, k = np.nonzero(full.log_odds >= 0)
         corner = full.bricks[brick].astype(np.int64) * BRICK_SIDE
-        self._keys = np.sort(_pack(corner + np.stack([i, j, k], axis=1)))
+        self._keys = np.sort(pack(corner + np.stack([i, j, k], axis=1)))
         self._latest = full
         return Outcome.APPLIED
 
@@ -80,7 +90,7 @@ class MapMirror:
     @property
     def voxels(self) -> IntArray:
         """(N, 3) indices i, j, k of the occupied voxels, in lexicographic order."""
-        return _unpack(self._keys)
+        return unpack(self._keys)
 
     def centres(self) -> FloatArray:
         """Return the (N, 3) centres of the occupied voxels in the map's frame, metres."""
@@ -91,15 +101,22 @@ class MapMirror:
         return centres
 
 
-def _pack(voxels: ArrayLike) -> IntArray:
-    i, j, k = (np.asarray(voxels, np.int64) + _OFFSET).T
-    keys: IntArray = (i << 2 * _BITS) | (j << _BITS) | k
-    return keys
+def _step(before: MapChanges | MapFull, after: MapChanges) -> IntArray | None:
+    """Return by how many voxels (3,) the box has moved; None if the lattice is another."""
+    step = (np.asarray(after.origin) - np.asarray(before.origin)) / after.resolution_m
+    whole = np.round(step)
+    if before.resolution_m != after.resolution_m or (np.abs(step - whole) > _OFF_LATTICE).any():
+        return None
+    moved: IntArray = whole.astype(np.int64)
+    return moved
 
 
-def _unpack(keys: IntArray) -> IntArray:
-    parts = [keys >> 2 * _BITS, (keys >> _BITS) & _MASK, keys & _MASK]
-    return np.stack(parts, axis=1) - _OFFSET
+def _moved(keys: IntArray, step: IntArray, shape: tuple[int, int, int]) -> IntArray:
+    """Count indices from a box's new corner and drop what it has left behind; sorted as before."""
+    if not step.any():
+        return keys
+    voxels = unpack(keys) - step
+    return pack(voxels[((voxels >= 0) & (voxels < shape)).all(axis=1)])
 
 
 def _replace(held: IntArray, touched: IntArray, present: IntArray) -> IntArray:

@@ -14,6 +14,8 @@ from schemas.status import StageStatus, TopicStatus
 from schemas.topics import Topic
 
 ALIVE_PERIODS = 10  # openpilot's SubMaster: alive = newer than 10 periods.
+MAX_KEY_LENGTH = 256
+"""Of `TopicStatus`: a longer key is told cut off there; anybody may say anything on any key."""
 RATE_SHARE = 0.9  # openpilot's SubMaster: freq_ok = at least 90 % of the declared rate.
 _MOST = 2**63 - 1  # msgpack's integers end; a sender may number as it likes.
 _WINDOW = 100  # Gaps that a rate is the mean of, as openpilot.
@@ -59,7 +61,7 @@ class TopicMeter:
         declared = self.declared_hz
         age_s = now_s - times[-1] if times else float("inf")
         return TopicStatus(
-            key=self.key,
+            key=self.key[:MAX_KEY_LENGTH],
             sent=self.sent,
             count=self.count,
             rate_hz=rate_hz,

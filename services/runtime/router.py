@@ -6,10 +6,12 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+from services.runtime.drains import Drains
+from services.runtime.linger import no_lingering
 from services.runtime.log import start_logging
 from services.runtime.service import parse
 from services.runtime.session import locators, open_router
-from services.runtime.settings import ServiceSettings
+from services.runtime.settings import BusSettings, ServiceSettings
 
 logger = logging.getLogger(__name__)
 
@@ -24,10 +26,13 @@ class RouterSettings(ServiceSettings):
 
 
 @contextmanager
-def router(listen: str = "tcp/127.0.0.1:0") -> Iterator[str]:
-    """Host a router and yield the endpoint to connect to."""
-    with open_router(listen) as session:
+def router(listen: str = "tcp/127.0.0.1:0", settings: BusSettings | None = None) -> Iterator[str]:
+    """Host a router and yield the endpoint to connect to; `settings` say whom it lets in."""
+    drains = Drains()
+    with open_router(listen, settings or BusSettings()) as session:
+        no_lingering(session, drains)
         yield next(iter(locators(session)), listen)
+    drains.join()
 
 
 def main(args: Sequence[str] | None = None) -> None:
@@ -37,7 +42,7 @@ def main(args: Sequence[str] | None = None) -> None:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    with router(settings.listen) as endpoint:
+    with router(settings.listen, settings.bus) as endpoint:
         logger.info("up: %s", endpoint)
         stop.wait()
     logger.info("down")

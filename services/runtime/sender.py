@@ -12,6 +12,7 @@ from services.runtime.meter import Meters
 from services.runtime.shared_memory import SharedPool
 
 M = TypeVar("M", bound=Message)
+_MOST_NAMED = 48  # Letters; zenoh panics beyond 255 bytes of an encoding.
 
 
 class Sender:
@@ -38,19 +39,37 @@ class Sender:
             self._meters.of(topic, key, sent=True).shared_memory += 1
         publisher.put(encoded.join() if payload is None else payload)
 
+    def republish(self, topic: Topic[Any] | None, key: str, payload: bytes) -> bool:
+        """Send bytes as they are: the way of their topic, none of our numbers.
+
+        Returns:
+            Whether they were sent; what is large is not, while nobody reads it.
+        """
+        publisher = self.publisher(topic, key)
+        large = topic is not None and topic.shared_memory
+        if large and not is_read(publisher):
+            return False
+        meter = self._meters.of(topic, key, sent=True)
+        meter.tick(time.monotonic())
+        chunk = self._pool.wrap(Encoded(b"", payload)) if large else None
+        if chunk is not None:
+            meter.shared_memory += 1
+        publisher.put(payload if chunk is None else chunk)
+        return True
+
     def answer(self, topic: Topic[M], query: zenoh.Query, message: M) -> None:
         """Send a message to the one who asked for it."""
         key = topic.key_for()
         query.reply(key, self._number(topic, key, message).join())
 
-    def publisher(self, topic: Topic[Any], key: str) -> zenoh.Publisher:
+    def publisher(self, topic: Topic[Any] | None, key: str) -> zenoh.Publisher:
         """Return the key's publisher, declared at its first use."""
         publisher = self._publishers.get(key)
         if publisher is None:
-            large = topic.shared_memory
+            large = topic is not None and topic.shared_memory
             publisher = self._publishers[key] = self._session.declare_publisher(
                 key,
-                encoding=f"application/msgpack;{key.rsplit('/', 1)[-1]}/1",
+                encoding=f"application/msgpack;{key.rsplit('/', 1)[-1][:_MOST_NAMED]}/1",
                 # A receiver that does not keep up must never stop its sender; what is lost shows
                 # in the numbering, and `map/full` heals the one stream that needs all.
                 congestion_control=zenoh.CongestionControl.DROP,

@@ -29,6 +29,8 @@ def main(
     service: str,
     build: Callable[[S, Bus, Loop], object],
     args: Sequence[str] | None = None,
+    prepare: Callable[[], None] = lambda: None,
+    command: str | None = None,
 ) -> None:
     """Run one service until SIGINT or SIGTERM.
 
@@ -37,12 +39,15 @@ def main(
         service: Its name on the bus.
         build: Makes the service: subscribes on the loop, returns the object to keep.
         args: Command line; that of the process when None.
+        command: How it is called on the command line, if not by its name.
+        prepare: What takes a moment: called once the settings are good, before the bus knows us.
     """
-    settings = parse(settings_type, service, args)
+    settings = parse(settings_type, command or service, args)
+    prepare()
     instance = settings.instance()
     start_logging(service if instance is None else f"{service}/{instance}", settings.log_level)
     try:
-        with Bus(settings.bus, service, instance) as bus:
+        with Bus(settings.joining(), service, instance) as bus:
             run(settings, bus, build)
     except (MissingExtra, BusUnavailable, SettingsRefused) as error:
         logger.error("%s", error)

@@ -1,22 +1,27 @@
 """Opening zenoh: a peer that finds the others through a router, or that router itself."""
 
+import contextlib
 import json
 from typing import Any
 
 import zenoh
 
 from services.runtime.errors import BusUnavailable
+from services.runtime.guard import guarding
 from services.runtime.settings import BusSettings
 
 _PRIORITIES = (
     "control", "real_time", "interactive_high", "interactive_low",
     "data_high", "data", "data_low", "background",
 )  # fmt: skip
+_VISIT_S = 1.0
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,  # Nothing is sought beyond the endpoints we are given.
     "scouting/gossip/enabled": True,
     "scouting/delay": 50,
     "adminspace/enabled": True,
+    # A connection that got no answer is begun anew; the kernel would ask again after 1, 2, 4, 8 s.
+    "transport/unicast/open_timeout": 3000,
     "transport/link/tx/lease": 3000,  # A silent peer is given up after 3 s; the default is 10.
     # By default two messages may wait per link, and a third is dropped after 1 ms: a burst of three
     # on a busy machine is enough. 16 is zenoh's limit; a frozen receiver costs 20 ms a message.
@@ -25,39 +30,75 @@ _COMMON: dict[str, Any] = {
 }
 
 
-def open_peer(settings: BusSettings) -> zenoh.Session:
+def open_peer(settings: BusSettings, address: str) -> zenoh.Session:
     """Open a service's session; a router that is not there yet is tried again for ever.
 
+    Args:
+        settings: how it joins.
+        address: `service` or `service/instance`, whose certificate it shows.
+
     Raises:
-        BusUnavailable: If an endpoint is malformed or taken.
+        BusUnavailable: If an endpoint is malformed or taken, or a certificate is missing.
     """
-    options: dict[str, Any] = {
+    guard = guarding(settings, address)
+    options: dict[str, Any] = guard.options | {
         "mode": "peer",
-        "connect/endpoints": [settings.connect] if settings.connect else [],
+        "connect/endpoints": [guard.link(settings.connect)] if settings.connect else [],
         "connect/retry": {
             "period_init_ms": 200,
             "period_max_ms": 1000,
             "period_increase_factor": 2,
         },
-        "listen/endpoints": [settings.listen] if settings.listen else [],
+        "listen/endpoints": [guard.link(settings.listen)] if settings.listen else [],
+        "scouting/gossip/autoconnect_strategy": {
+            "peer": {"to_router": "always", "to_peer": _who_connects(settings.listen)}
+        },
     }
     if settings.namespace:
         options["namespace"] = settings.namespace
     return _open(options, f"connect {settings.connect!r}, listen {settings.listen!r}")
 
 
-def open_router(listen: str) -> zenoh.Session:
-    """Open a router that introduces the peers to each other.
+def open_client(settings: BusSettings, address: str, timeout_s: float) -> zenoh.Session:
+    """Open a session with the router alone.
 
     Raises:
-        BusUnavailable: If the endpoint is malformed or taken.
+        BusUnavailable: If it does not come about in time, or a certificate is missing.
     """
-    options = {
+    guard = guarding(settings, address)
+    options: dict[str, Any] = guard.options | {
+        "mode": "client",
+        "connect/endpoints": [guard.link(settings.connect)],
+        "connect/timeout_ms": round(timeout_s * 1e3),
+        "connect/exit_on_failure": True,
+        "listen/endpoints": [],
+    }
+    return _open(options, f"connect {settings.connect!r} within {timeout_s:g} s")
+
+
+def open_router(listen: str, settings: BusSettings) -> zenoh.Session:
+    """Open a router that introduces the peers to each other.
+
+    Args:
+        listen: its endpoint.
+        settings: whom it lets in.
+
+    Raises:
+        BusUnavailable: If the endpoint is malformed or taken, or a certificate is missing.
+    """
+    guard = guarding(settings, "router")
+    options: dict[str, Any] = guard.options | {
         "mode": "router",
-        "listen/endpoints": [listen],
+        "listen/endpoints": [guard.link(listen)],
         "adminspace/permissions": {"read": True, "write": False},
     }
     return _open(options, f"listen {listen!r}")
+
+
+def visit(settings: BusSettings, address: str) -> None:
+    """Come to the router and go at once: it then tells all peers of each other again."""
+    with contextlib.suppress(BusUnavailable), open_client(settings, address, _VISIT_S):
+        pass
 
 
 def locators(session: zenoh.Session) -> list[str]:
@@ -67,6 +108,18 @@ def locators(session: zenoh.Session) -> list[str]:
         if reply.ok is not None:
             return [str(locator) for locator in json.loads(reply.ok.payload.to_bytes())["locators"]]
     return []
+
+
+def _who_connects(listen: str) -> str:
+    """Return whether we connect to every peer, or to those of a lesser identifier alone.
+
+    If two connect to each other at once, as when a cable is plugged in again, each may hold on to
+    its own link and be deaf to the other for good. So on a network one of two connects. Who can be
+    reached from this machine alone connects to all: over the loopback no cable is pulled.
+    """
+    host = listen.partition("/")[2].rpartition(":")[0].strip("[]")
+    alone = not host or host == "localhost" or host == "::1" or host.startswith("127.")
+    return "always" if alone else "greater-zid"
 
 
 def _open(options: dict[str, Any], what: str) -> zenoh.Session:

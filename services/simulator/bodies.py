@@ -28,9 +28,12 @@ class Bodies:
     """A ground plane, the target's convex hull at rest and a ball per camera, all kinematic.
 
     The hull is that of the rest pose: a deforming body is met to within its amplitude.
+
+    Args:
+        target_corners_m: (K, 3) of the hull, target frame; `hull_corners` of the mesh.
     """
 
-    def __init__(self, target_vertices_m: NDArray[np.float32], num_cameras: int) -> None:
+    def __init__(self, target_corners_m: NDArray[np.float32]) -> None:
         try:
             import pybullet
         except ImportError as error:
@@ -39,17 +42,25 @@ class Bodies:
             ) from error
         self._bullet = pybullet
         self._client: int = pybullet.connect(pybullet.DIRECT)
-        hull = self._shape(pybullet.GEOM_MESH, vertices=_extremes(target_vertices_m).tolist())
         self._ground = self._body(self._shape(pybullet.GEOM_PLANE))
-        self._target = self._body(hull)
-        ball = self._shape(pybullet.GEOM_SPHERE, radius=CAMERA_RADIUS_M)
-        self._cameras = [self._body(ball) for _ in range(num_cameras)]
+        self._target = self._body(self._hull(target_corners_m))
+        self._ball = self._shape(pybullet.GEOM_SPHERE, radius=CAMERA_RADIUS_M)
+        self._cameras: dict[int, int] = {}
 
     def place(self, T_world_target: FloatArray, cameras: Mapping[int, FloatArray]) -> None:
         """Put the target and the cameras (index to T_world_camera) where they are now."""
         self._move(self._target, T_world_target)
+        for camera in self._cameras.keys() - cameras.keys():
+            self._bullet.removeBody(self._cameras.pop(camera), physicsClientId=self._client)
         for camera, T_world_camera in cameras.items():
+            if camera not in self._cameras:
+                self._cameras[camera] = self._body(self._ball)
             self._move(self._cameras[camera], T_world_camera)
+
+    def change_target(self, corners_m: NDArray[np.float32]) -> None:
+        """Give the target another hull; `place` it before anybody is measured."""
+        self._bullet.removeBody(self._target, physicsClientId=self._client)
+        self._target = self._body(self._hull(corners_m))
 
     def encounters(self, cameras: list[int], clearance_m: float) -> list[Encounter]:
         """Return all pairs with one of `cameras` that are nearer than `clearance_m`."""
@@ -77,6 +88,9 @@ class Bodies:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _hull(self, corners_m: NDArray[np.float32]) -> int:
+        return self._shape(self._bullet.GEOM_MESH, vertices=corners_m.tolist())
+
     def _shape(self, kind: int, **measures: object) -> int:
         shape: int = self._bullet.createCollisionShape(
             kind, physicsClientId=self._client, **measures
@@ -94,14 +108,15 @@ class Bodies:
         )
 
 
-def _extremes(vertices: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the vertices that are farthest in evenly spread directions: a hull's corners."""
+def hull_corners(vertices: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the (K, 3) of (V, 3) vertices that are farthest in evenly spread directions."""
     i = np.arange(_HULL_DIRECTIONS) + 0.5
     # Fibonacci's spiral on the sphere.
     polar, azimuth = np.arccos(1 - 2 * i / _HULL_DIRECTIONS), np.pi * (1 + 5**0.5) * i
     spread = np.stack(
         [np.cos(azimuth) * np.sin(polar), np.sin(azimuth) * np.sin(polar), np.cos(polar)], axis=1
     )
-    axes = np.concatenate([np.eye(3), -np.eye(3), spread])
-    corners: NDArray[np.float32] = vertices[np.unique(np.argmax(vertices @ axes.T, axis=0))]
+    axes = np.concatenate([np.eye(3), -np.eye(3), spread]).astype(np.float32)
+    # Axis by axis: all at once a million vertices would take a gigabyte.
+    corners: NDArray[np.float32] = vertices[np.unique([np.argmax(vertices @ a) for a in axes])]
     return corners

@@ -7,6 +7,8 @@ from schemas.sim import SimMode
 from services.simulator.lockstep import Barrier, in_order
 
 _ONLOOKERS = {"launcher"}  # The start waits for their links, no tick waits for their answer.
+_MOST_LATE_TICKS = 15
+"""A camera that comes while time is real is placed at a goal that is no older."""
 State = Literal["waiting", "running", "paused", "finished"]
 
 
@@ -43,6 +45,17 @@ class Clock:
         """Who was given up on and has not come back."""
         return self._barrier.dropped
 
+    def expect(self, expected: Collection[str]) -> None:
+        """Wait for others at the start; who is not expected any more is let go."""
+        for name in self._expected - frozenset(expected):
+            self._barrier.leave(name)
+        self._expected = frozenset(expected)
+
+    @property
+    def present(self) -> frozenset[str]:
+        """Who is on the bus."""
+        return frozenset(self._present)
+
     def appear(self, name: str) -> None:
         """Note that `name` is on the bus; once the clock runs, it joins by acknowledging."""
         self._present.add(name)
@@ -67,6 +80,17 @@ class Clock:
     def _absent_cameras(self) -> tuple[str, ...]:
         cameras = (name for name in self._expected if name.startswith("camera/"))
         return in_order(cameras) if self.lacks_cameras() else ()
+
+    def admits(self, camera: str, tick: int) -> bool:
+        """Whether a goal of `tick` may bring a camera into the world.
+
+        Before the start that of tick 0 does: what is under way from before a reset must place
+        nobody. Later a camera has to be there itself, as its place alone sees nothing.
+        """
+        if not self._started:
+            return tick == 0
+        late = self.tick - tick
+        return camera in self._present and 0 <= late <= (0 if self.lockstep else _MOST_LATE_TICKS)
 
     def start(self, placed: Collection[str]) -> bool:
         """Start if nobody is waited for; return whether it did."""

@@ -6,30 +6,23 @@ from collections.abc import Callable
 from typing import Any
 
 from schemas.camera import CameraCommand, CameraGoal
-from schemas.topics import (
-    CAMERA_COMMAND,
-    CAMERA_GOAL,
-    MAP_SUMMARY,
-    QUALITY,
-    SIM_CLOCK,
-    SIM_STATE,
-    TARGET_POSE,
-)
+from schemas.topics import CAMERA_COMMAND, CAMERA_GOAL, MAP_SUMMARY, QUALITY
 from services.kernels.rigid import FloatArray
 from services.runtime.bus import Bus
 from services.runtime.command import only
 from services.runtime.errors import BadCommand
+from services.runtime.later import Later
 from services.runtime.loop import Loop, Timer
 from services.runtime.reader import Received
-from services.simulator.bodies import Bodies
+from services.simulator.changes_service import Changes, Prepared
 from services.simulator.clock import Clock
 from services.simulator.commands import Commands
-from services.simulator.messages import sim_clock, sim_state, target_pose
+from services.simulator.figures import figures
 from services.simulator.pace import Pace
-from services.simulator.proximity import Proximity
 from services.simulator.settings import SimulatorSettings
-from services.simulator.world_state import Limits, World
-from services.world.scene import Scene
+from services.simulator.teller_service import Teller
+from services.simulator.traffic import Traffic
+from services.simulator.world_state import World
 
 logger = logging.getLogger(__name__)
 
@@ -41,14 +34,12 @@ class Simulator:
     """Publishes the world at each tick and goes on when all have acknowledged, or on time."""
 
     def __init__(self, settings: SimulatorSettings, bus: Bus, loop: Loop) -> None:
-        self._settings, self._bus, self._loop = settings, bus, loop
-        self._spec = settings.scene()
-        limits = Limits(settings.max_speed_m_s, settings.max_turn_rad_s)
-        self._world = World(settings.motion(), settings.dt_ns, limits)
-        self._bodies = Bodies(Scene.from_spec(self._spec).rest.vertices_m, settings.cameras)
-        self._proximity = Proximity()
-        cameras = (f"camera/{i}" for i in range(settings.cameras))
-        expected = {*settings.wait_for, *cameras}
+        self._settings, self._loop = settings, loop
+        self._changes = Changes(settings, bus)
+        self._world = World(settings.motion(), settings.dt_ns, settings.actuator())
+        self._traffic = Traffic(self._changes.now.corners_m, settings.clearance_m)
+        self._teller = Teller(bus, settings.tracker())
+        expected = self._changes.expected()
         self._clock = Clock(settings.mode == "lockstep", expected, settings.num_ticks)
         self._commands = Commands()
         self._pace = Pace(settings.dt_s)
@@ -62,23 +53,25 @@ class Simulator:
             loop.on_alive(service, self._presence_of(service))
         for verb in (self.pause, self.resume, self.step, self.reset, self.get):
             loop.serve(verb.__name__, verb)
+        loop.serve_later("set", self.change)
         loop.every(ANNOUNCE_PERIOD_S, self._announce)
 
     # What arrives: goals, commands, acknowledgements, who is there.
 
     def _on_goal(self, received: Received[CameraGoal]) -> None:
         goal = received.message
-        # At tick 0 alone: what is under way from before a reset must place nobody.
-        expected = goal.tick == 0 and goal.camera < self._settings.cameras
-        if expected and self._clock.state == "waiting":
-            self._world.spawn(goal.camera, goal.pose.matrix())
+        is_new = goal.camera not in self._world.cameras and goal.camera < self._changes.num_cameras
+        if is_new and self._clock.admits(f"camera/{goal.camera}", goal.tick):
+            yaw_rad = None if goal.robot is None else goal.robot.camera_yaw_rad
+            self._world.spawn(goal.camera, goal.pose.matrix(), yaw_rad)
             self._start_if_complete()
         self._acknowledge("planner", goal.tick)
 
     def _on_command(self, received: Received[CameraCommand]) -> None:
         command = received.message
-        if command.camera < self._settings.cameras:
+        if command.camera < self._changes.num_cameras:
             self._commands.put(command)
+            self._world.mount(command.camera, command.camera_yaw_rad)
             self._acknowledge(f"camera/{command.camera}", command.tick)
 
     def _presence_of(self, service: str) -> Callable[[str, bool], None]:
@@ -100,7 +93,7 @@ class Simulator:
     # Time passes.
 
     def _start_if_complete(self) -> None:
-        if self._clock.start(self._placed()):
+        if self._clock.start(self._world.placed()):
             logger.info("all there; tick 0")
             self._pace.begin(time.monotonic())
             self._begin_tick()
@@ -111,7 +104,9 @@ class Simulator:
             self._publish_world()
             self._publish_clock(())
         with self._loop.stage("proximity"):
-            self._check_proximity()
+            contacts = self._traffic.check(self._world)
+        for contact in contacts:
+            logger.warning("tick %d: %s hits %s", self._world.tick, contact.one, contact.other)
         self._set_timer()
 
     def _go_on(self) -> None:
@@ -122,6 +117,7 @@ class Simulator:
         commands = self._valid_commands()
         if self._clock.end_tick():
             self._world.advance(commands)
+            self._change()
             self._begin_tick()
         else:
             self._stop_timer()
@@ -151,24 +147,24 @@ class Simulator:
             return self._commands.of_tick(self._world.tick)
         return self._commands.not_older_than(self._settings.command_timeout_s)
 
-    def _placed(self) -> set[str]:
-        return {f"camera/{i}" for i in self._world.cameras}
-
-    def _check_proximity(self) -> None:
-        poses = {i: body.T_world_camera for i, body in self._world.cameras.items()}
-        self._bodies.place(self._world.target().pose(), poses)
-        found = self._bodies.encounters(list(poses), self._settings.clearance_m)
-        for contact in self._proximity.update(found):
-            logger.warning("tick %d: %s hits %s", self._world.tick, contact.one, contact.other)
+    def _change(self) -> None:
+        """Put what was asked into force."""
+        if not self._changes.take():
+            return
+        self._traffic.change_target(self._changes.now.corners_m)
+        self._clock.expect(self._changes.expected())
+        for camera in [i for i in self._world.cameras if i >= self._changes.num_cameras]:
+            self._world.remove(camera)
+        logger.info("tick %d: %s", self._world.tick, self._changes.now.wanted)
 
     # What is told.
 
     def _announce(self) -> None:
         stalled = time.monotonic() - self._tick_began_s > ANNOUNCE_PERIOD_S
-        waiting_for = self._clock.waiting_for(self._placed())
+        waiting_for = self._clock.waiting_for(self._world.placed())
         match self._clock.state:
             case "waiting":
-                self._bus.publish(TARGET_POSE, target_pose(self._world))
+                self._teller.tell_target(self._world)
             case "running" | "paused" if stalled and waiting_for:
                 # Told twice, it is answered twice: a lost answer comes, a lost camera comes back.
                 self._publish_world()
@@ -176,12 +172,10 @@ class Simulator:
             self._publish_clock(waiting_for)
 
     def _publish_clock(self, waiting_for: tuple[str, ...]) -> None:
-        clock = sim_clock(self._world, self._clock, waiting_for, self._pace.overruns)
-        self._bus.publish(SIM_CLOCK, clock)
+        self._teller.tell_clock(self._world, self._clock, self._pace.overruns, waiting_for)
 
     def _publish_world(self) -> None:
-        self._bus.publish(SIM_STATE, sim_state(self._world, self._clock, self._spec))
-        self._bus.publish(TARGET_POSE, target_pose(self._world))
+        self._teller.tell_world(self._world, self._clock, self._changes.now.spec)
 
     # What is asked: ctl/simulator/<verb>.
 
@@ -228,22 +222,27 @@ class Simulator:
         self._world.reset()
         self._clock.reset()
         self._commands = Commands()
-        self._proximity = Proximity()
+        self._traffic.reset()
+        self._change()
         self._pace = Pace(self._settings.dt_s)
         return self.get({})
 
     def get(self, params: dict[str, Any]) -> dict[str, Any]:
         """Tell the clock and what has been counted."""
         only(params)
-        return {
-            "state": self._clock.state,
-            "tick": self._world.tick,
-            "t_ns": self._world.t_ns,
-            "cameras": sorted(self._world.cameras),
-            "waiting_for": list(self._clock.waiting_for(self._placed())),
-            "dropped": list(self._clock.dropped),
-            "overruns": self._pace.overruns,
-            "clipped_commands": self._world.num_clipped,
-            "contacts": self._proximity.num_contacts,
-            "too_close": self._proximity.num_close,
-        }
+        world, clock, wanted = self._world, self._clock, self._changes.wanted
+        return figures(world, clock, self._traffic, wanted, self._pace.overruns)
+
+    def change(self, params: dict[str, Any]) -> Later[Prepared]:
+        """Take on another object, deformation or number of cameras from the next tick on."""
+        return Later(self._changes.begin(params, self._clock.present), self._adopt)
+
+    def _adopt(self, prepared: Prepared) -> dict[str, Any]:
+        self._changes.adopt(prepared)
+        if self._clock.state == "waiting":
+            self._change()
+            self._start_if_complete()
+        elif self._clock.lacks_cameras():  # No tick would end: they may be back with this one.
+            self._change()
+            self._publish_world()
+        return self.get({})

@@ -1,49 +1,43 @@
 """What is simulated and how its clock runs."""
 
-from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 from pydantic_settings import SettingsConfigDict
 
-from schemas.camera import MAX_CAMERAS
-from schemas.sim import SceneSpec
 from services.runtime.settings import ServiceSettings
-from services.world.deformation import parse_deformations
+from services.simulator.actuator import Actuator, DriveKind
+from services.simulator.changeable import Changeable
+from services.simulator.tracker import Tracker
 from services.world.path import Motion, PathKind, open_motion
 from services.world.scene import Scene
-from services.world.shapes import NAMES
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class SimulatorSettings(ServiceSettings):
+class SimulatorSettings(ServiceSettings, Changeable):
     """The simulated world: a target that moves and deforms, and the cameras' bodies."""
 
     model_config = SettingsConfigDict(env_prefix="ENCIRCLE_SIMULATOR_")
 
-    object: str = "bunny"
-    """bunny, sphere, box, torus, or a .obj, .ply, .stl or .off file."""
-    up: Literal["auto", "x", "y", "z"] = "auto"
-    """Which axis of a mesh file is up; auto: y of .obj and .ply, z of .stl and .off."""
-    height_m: Annotated[float, Field(gt=0, le=100)] = 0.4
-    """Height of the object, m."""
-    subdivide: Annotated[int, Field(ge=0, le=4)] = 2
-    """How often the object's triangles are split in four."""
-    deformation: str = "rigid"
-    """kind[:amplitude[:hz[:phase]]] joined by +: breathing, squash, bend, twist, wave; or rigid."""
     path: PathKind = "ellipse"
     """How the target moves."""
     semi_axes_m: tuple[Positive, Positive] = (1.6, 1.2)
     """Half lengths of the path along x and y, m."""
     lap_s: Positive = 40.0
     """Duration of one lap of the path, s."""
+    target_noise_m: Annotated[float, Field(ge=0, le=10)] = 0.0
+    """Standard deviation of x and of y of the target as the tracker sees it, m."""
+    target_noise_rad: Annotated[float, Field(ge=0, le=3)] = 0.0
+    """The same of its heading, rad."""
+    target_delay_s: Annotated[float, Field(ge=0, le=10)] = 0.0
+    """Time from the tracker's shutter to its word, s."""
+    target_dropout: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Probability that the tracker sees nothing."""
     dt_s: Annotated[float, Field(ge=1e-3, le=1.0)] = 1 / 15
     """Simulated time between two ticks, s."""
     mode: Literal["lockstep", "realtime"] = "lockstep"
     """lockstep waits for everybody at each tick; realtime follows the wall clock."""
-    cameras: Annotated[int, Field(ge=1, le=MAX_CAMERAS)] = 6
-    """Number of cameras in the world; tick 0 waits for all of them."""
     wait_for: tuple[str, ...] = ("planner", "mapper")
     """Which other services tick 0 waits for."""
     timeout_s: Positive = 2.0
@@ -60,6 +54,17 @@ class SimulatorSettings(ServiceSettings):
     """Greatest speed of a camera, m/s."""
     max_turn_rad_s: Positive = 4.0
     """Greatest turn rate of a camera, rad/s."""
+    drive: DriveKind = "flying"
+    """flying: six degrees of freedom; unicycle: on wheels, the camera fixed on the robot; planned:
+    as each camera's commands say."""
+    actuator_lag_s: Annotated[float, Field(ge=0, le=10)] = 0.0
+    """Time constant with which a camera's velocity follows its command, s."""
+    actuator_noise_m_s: Annotated[float, Field(ge=0, le=10)] = 0.0
+    """Standard deviation of what slip or wind adds to a camera's speed, per axis and tick, m/s."""
+    actuator_noise_rad_s: Annotated[float, Field(ge=0, le=10)] = 0.0
+    """The same for its turn rate, rad/s."""
+    max_height_m: Annotated[float, Field(gt=0, le=100)] = 100.0
+    """Greatest height that a request may give the object, m: the map's box has an end."""
     clearance_m: Positive = 0.05
     """Cameras nearer than this to anything are counted as too close, m."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
@@ -67,26 +72,39 @@ class SimulatorSettings(ServiceSettings):
 
     @model_validator(mode="after")
     def _world_can_be_built(self) -> Self:
-        Scene.from_spec(self.scene())
+        Scene.from_spec(self.scene(self.seed))
         self.motion()
         return self
 
-    def scene(self) -> SceneSpec:
-        """Return what all processes need to build the same object."""
-        # Other processes may run in another folder.
-        known = self.object in NAMES or not Path(self.object).is_file()
-        name = self.object if known else str(Path(self.object).resolve())
-        return SceneSpec(
-            object=name if self.up == "auto" else f"{name}:{self.up}",
-            height_m=self.height_m,
-            subdivide=self.subdivide,
-            deformations=parse_deformations(self.deformation),
-            seed=self.seed,
-        )
+    def changeable(self) -> Changeable:
+        """Return the part that may change while running."""
+        return Changeable(**{name: getattr(self, name) for name in Changeable.model_fields})
 
     def motion(self) -> Motion:
         """Return how the target moves."""
         return open_motion(self.path, self.semi_axes_m, self.lap_s)
+
+    def tracker(self) -> Tracker:
+        """Return who watches the target."""
+        return Tracker(
+            noise_m=self.target_noise_m,
+            noise_rad=self.target_noise_rad,
+            delay_ns=round(self.target_delay_s * 1e9),
+            dropout=self.target_dropout,
+            seed=self.seed,
+        )
+
+    def actuator(self) -> Actuator:
+        """Return what the cameras' robots can do."""
+        return Actuator(
+            speed_m_s=self.max_speed_m_s,
+            turn_rad_s=self.max_turn_rad_s,
+            drive=self.drive,
+            lag_s=self.actuator_lag_s,
+            noise_m_s=self.actuator_noise_m_s,
+            noise_rad_s=self.actuator_noise_rad_s,
+            seed=self.seed,
+        )
 
     @property
     def dt_ns(self) -> int:

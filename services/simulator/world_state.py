@@ -1,44 +1,29 @@
-"""The state of the simulated world: an integer tick, the target, the flying cameras."""
+"""The state of the simulated world: an integer tick, the target, the cameras."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from services.kernels.rigid import FloatArray, integrate_twist
+from services.kernels.rigid import FloatArray
+from services.simulator.actuator import Actuator, Body, carried_out
 from services.world.path import Motion, Unicycle
 
 _NO_TWIST = np.zeros(6)
 
 
-@dataclass(frozen=True)
-class Limits:
-    """What a camera's robot can do."""
-
-    speed_m_s: float
-    turn_rad_s: float
-
-
-@dataclass(frozen=True)
-class Body:
-    """One camera in the world."""
-
-    T_world_camera: FloatArray
-    """(4, 4), optical frame."""
-    twist: FloatArray
-    """(6,) how it moved in the last tick: linear m/s, angular rad/s, world axes."""
-
-
 class World:
     """Target and cameras at one tick; time is `tick * dt_ns`, exactly."""
 
-    def __init__(self, motion: Motion, dt_ns: int, limits: Limits) -> None:
+    def __init__(self, motion: Motion, dt_ns: int, actuator: Actuator) -> None:
         self.motion = motion
         self.dt_ns = dt_ns
-        self.limits = limits
+        self.actuator = actuator
         self.tick = 0
         self.num_clipped = 0
         """Commands above the limits, since the start."""
+        self.num_sideways = 0
+        """Commands of which wheels could not do a part."""
         self.cameras: dict[int, Body] = {}
 
     @property
@@ -52,33 +37,51 @@ class World:
 
     def reset(self) -> None:
         """Go back to tick 0, without cameras."""
-        self.tick, self.num_clipped, self.cameras = 0, 0, {}
+        self.tick, self.num_clipped, self.num_sideways, self.cameras = 0, 0, 0, {}
 
-    def spawn(self, camera: int, T_world_camera: FloatArray) -> None:
-        """Put a camera into the world, at rest; one that is there stays as it is."""
-        self.cameras.setdefault(camera, Body(T_world_camera, _NO_TWIST))
+    def spawn(
+        self, camera: int, T_world_camera: FloatArray, camera_yaw_rad: float | None = None
+    ) -> None:
+        """Put a camera into the world, at rest; one that is there stays as it is.
+
+        Args:
+            camera: its index.
+            T_world_camera: (4, 4), optical frame.
+            camera_yaw_rad: how it is fixed on its robot, if that has wheels; None: it flies.
+        """
+        on_wheels = camera_yaw_rad is not None
+        body = Body(T_world_camera, _NO_TWIST, camera_yaw_rad or 0.0, on_wheels)
+        self.cameras.setdefault(camera, body)
+
+    def placed(self) -> set[str]:
+        """Return the names of the cameras that are there."""
+        return {f"camera/{camera}" for camera in self.cameras}
+
+    def remove(self, camera: int) -> None:
+        """Take a camera out of the world."""
+        self.cameras.pop(camera, None)
+
+    def mount(self, camera: int, camera_yaw_rad: float | None) -> None:
+        """Put a camera on a robot with wheels, turned so against its heading; None: it flies."""
+        body = self.cameras.get(camera)
+        if body is None or (camera_yaw_rad is None and not body.on_wheels):
+            return
+        if camera_yaw_rad is None:
+            self.cameras[camera] = replace(body, on_wheels=False)
+        else:
+            self.cameras[camera] = replace(body, on_wheels=True, camera_yaw_rad=camera_yaw_rad)
 
     def advance(self, commands: Mapping[int, FloatArray]) -> None:
-        """Fly every camera for one tick by its command; without one it stands still.
+        """Move every camera for one tick by its command; without one it stands still.
 
         Args:
             commands: camera to (6,) linear m/s and angular rad/s, world axes.
         """
         dt_s = self.dt_ns * 1e-9
         for camera, body in self.cameras.items():
-            twist = self._within_limits(commands.get(camera, _NO_TWIST))
-            T = integrate_twist(body.T_world_camera, twist[:3], twist[3:], dt_s)
-            self.cameras[camera] = replace(body, T_world_camera=T, twist=twist)
+            command = commands.get(camera, _NO_TWIST)
+            step = carried_out(self.actuator, body, command, camera, self.tick, dt_s)
+            self.num_clipped += step.clipped
+            self.num_sideways += step.sideways
+            self.cameras[camera] = step.body
         self.tick += 1
-
-    def _within_limits(self, twist: FloatArray) -> FloatArray:
-        linear = _shortened(twist[:3], self.limits.speed_m_s)
-        angular = _shortened(twist[3:], self.limits.turn_rad_s)
-        limited = np.concatenate([linear, angular])
-        self.num_clipped += not np.array_equal(limited, twist)
-        return limited
-
-
-def _shortened(vector: FloatArray, limit: float) -> FloatArray:
-    norm = float(np.linalg.norm(vector))
-    return vector if norm <= limit else vector * (limit / norm)

@@ -59,11 +59,15 @@ def _parse(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 
     try:
         mesh: Any = trimesh.load(str(path), force="mesh", process=False)
-        return np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
+        vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
     except Exception as error:  # A foreign parser may raise anything on garbage.
         raise MeshError(
             f"{path}: not a readable {path.suffix} mesh ({type(error).__name__}: {error})"
         ) from error
+    for name, rows in (("corners", vertices), ("triangles", faces)):
+        if len(rows) and rows.shape[1:] != (3,):  # The parser takes as many as a line has.
+            raise MeshError(f"{path}: its {name} are of shape {rows.shape}; it must be (N, 3)")
+    return vertices, faces
 
 
 def _clean(

@@ -1,7 +1,9 @@
 """The target's true surface at any time."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +45,15 @@ class Scene:
         """Return the (V, 3) vertices in `world` at simulated time `t_s`."""
         moved = self.mesh_at(t_s) @ T_world_target[:3, :3].T + T_world_target[:3, 3]
         return moved.astype(np.float32)
+
+
+def scene_of(params: Mapping[str, Any]) -> SceneSpec:
+    """Return the scene that a request `prepare` {scene} names.
+
+    Raises:
+        ValidationError: If it is none.
+    """
+    return SceneSpec.model_validate(params.get("scene"))
 
 
 @lru_cache(maxsize=4)

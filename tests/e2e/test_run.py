@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -119,6 +120,25 @@ def test_a_killed_camera_is_started_again_and_the_run_goes_on(tmp_path):
     assert report["restarts"] == 1
     assert report["ticks"] == 90
     assert "camera/1 ended with signal 9; starting it again" in output
+
+
+def test_the_others_close_the_gap_of_a_killed_camera_until_it_is_back(tmp_path):
+    process = start(tmp_path, *SMALL, "--forever", "--no-evaluator")
+
+    def formations():
+        texts = [log.read_text() for log in logs(tmp_path, "planner")]
+        return [re.findall(r"formation of .*", text) for text in texts]
+
+    def begun():
+        return any("tick 0" in log.read_text() for log in logs(tmp_path, "simulator"))
+
+    wait_for(process, begun)
+    os.kill(camera_process(process, 1).pid, signal.SIGKILL)
+    three, two = "formation of 3: cameras 0, 1, 2", "formation of 2: cameras 0, 2"
+    wait_for(process, lambda: formations() == [[three, two, three]])
+    process.send_signal(signal.SIGINT)
+    assert finish(process)
+    assert process.returncode == 0
 
 
 def camera_process(process, index):

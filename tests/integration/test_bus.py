@@ -96,7 +96,7 @@ def test_a_large_cloud_that_nobody_reads_is_not_packed(open_bus: OpenBus) -> Non
     assert sender.pool.in_use is None
 
 
-def test_latest_wins_when_the_reader_is_slow_and_the_loss_is_counted(open_bus: OpenBus) -> None:
+def test_latest_wins_when_the_reader_is_slow(open_bus: OpenBus) -> None:
     sender, receiver = open_bus("simulator"), open_bus("planner")
     with receiver.latest(TARGET_POSE) as slow, receiver.every(TARGET_POSE) as all_of_them:
         wait_until_read(sender, TARGET_POSE)
@@ -104,8 +104,11 @@ def test_latest_wins_when_the_reader_is_slow_and_the_loss_is_counted(open_bus: O
             sender.publish(TARGET_POSE, TARGET)
         while all_of_them.get(5).envelope.seq < 49:
             pass
-        newest = slow.get(5).envelope.seq
-    assert newest >= 40
+        seen = [slow.get(5).envelope.seq]
+        while seen[-1] < 49:  # Its thread may still be on its way there.
+            seen.append(slow.get(5).envelope.seq)
+    assert seen == sorted(seen)
+    assert len(seen) < 25
 
 
 def test_never_drop_keeps_all_in_order(open_bus: OpenBus) -> None:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from schemas.camera import CameraGoal
+from schemas.camera import CameraGoal, CloudHeard
 from schemas.geometry import Pose, Twist
 from schemas.sim import CameraBody, SceneSpec, SimMode, SimState
 from schemas.topics import (
@@ -19,6 +19,7 @@ from schemas.topics import (
     CAMERA_GOAL,
     CAMERA_INFO,
     CAMERA_POSE,
+    CLOUD_HEARD,
     SIM_STATE,
 )
 from services.camera.service import CameraService
@@ -167,6 +168,35 @@ def test_in_real_time_the_newest_goal_serves(open_bus: OpenBus) -> None:
                 acknowledged = world.command.get(timeout_s=0.2).message.tick
         assert acknowledged is not None
         assert 10 < acknowledged <= tick
+
+
+def test_in_real_time_what_its_mapper_has_not_heard_of_holds_back_all_but_the_newest(
+    open_bus: OpenBus,
+) -> None:
+    def heard(tick: int) -> None:
+        stamp = {"t_ns": tick * DT_NS, "tick": tick, "frame_id": "world"}
+        world.bus.publish(CLOUD_HEARD, CloudHeard(**stamp, camera=2), camera=2)
+
+    def look(tick: int) -> int | None:
+        """Show a state; return the tick of the cloud that follows, if one does."""
+        world.tell(state(tick, mode="realtime"))
+        assert world.pose.get(timeout_s=10).message.tick == tick
+        with suppress(TimeoutError):
+            return world.cloud.get(timeout_s=0.5).message.tick
+        return None
+
+    with camera_in(open_bus, clouds_under_way=1) as world:
+        tick = 1
+        while look(tick) == tick:
+            heard(0)  # Its mapper is there, and has none of these.
+            tick += 1
+            assert tick < 20
+        assert look(tick + 1) is None
+        heard(tick - 1)
+        assert world.cloud.get(timeout_s=10).message.tick == tick + 1
+        assert look(tick + 2) is None
+        world.tell(goal(tick + 3), state(tick + 3))  # In lockstep all are sent.
+        assert world.cloud.get(timeout_s=10).message.tick == tick + 3
 
 
 def test_a_state_told_twice_is_answered_twice_and_drawn_once(open_bus: OpenBus) -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from schemas.topics import MAP_FULL, TARGET_POSE
 from services.runtime.bus import Bus
+from services.runtime.errors import CommandFailed
 from services.runtime.loop import Loop
 from services.runtime.reader import Received
 from services.runtime.router import router
@@ -62,6 +63,40 @@ def test_all_handlers_run_on_one_thread(open_bus: OpenBus) -> None:
         asker.request("mapper", "a")
         asker.request("mapper", "b")
     assert len({threads.get(timeout=5) for _ in range(3)}) == 1
+
+
+def test_a_request_at_a_gate_is_answered_when_the_gate_lets_it_through(open_bus: OpenBus) -> None:
+    asker, loop = open_bus("launcher"), Loop(open_bus("mapper"))
+    waiting: queue.Queue[Callable[[], None]] = queue.Queue()
+    answers: queue.Queue[dict[str, object]] = queue.Queue()
+    loop.serve("a", lambda params: params, gate=waiting.put)
+    asks = threading.Thread(
+        target=lambda: answers.put(asker.request("mapper", "a", {"n": 1}, timeout_s=10))
+    )
+    with running(loop):
+        asks.start()
+        let_through = waiting.get(timeout=5)
+        with pytest.raises(queue.Empty):
+            answers.get(timeout=0.1)
+        let_through()
+        assert answers.get(timeout=5) == {"n": 1}
+        asks.join(5)
+
+
+def test_a_refused_request_is_counted_with_its_reason(open_bus: OpenBus) -> None:
+    asker, bus = open_bus("launcher"), open_bus("mapper")
+    loop = Loop(bus)
+
+    def refuse(_: dict[str, object]) -> dict[str, object]:
+        raise ValueError("radius 99 m must be at most 10 m")
+
+    loop.serve("a", refuse)
+    with running(loop):
+        for count in (1, 2):
+            with pytest.raises(CommandFailed, match="radius 99 m must be at most 10 m"):
+                asker.request("mapper", "a")
+            assert [meter.bad for meter in bus.meters if meter.key == "ctl/mapper/a"] == [count]
+    assert "radius 99 m" in bus.last_refusal
 
 
 def test_a_topic_on_request_is_fetched_whole(open_bus: OpenBus) -> None:

@@ -18,6 +18,7 @@ from schemas.topics import (
     MAP_SUMMARY,
     SIM_CLOCK,
     SIM_STATE,
+    TARGET_OBSERVATION,
     TARGET_POSE,
 )
 from services.kernels.rigid import apply, integrate_twist, look_at
@@ -275,3 +276,23 @@ def test_the_target_pose_is_that_of_the_state(open_bus: OpenBus) -> None:
         assert (pose.pose, pose.twist, pose.t_ns) == (twin.target, twin.twist, twin.t_ns)
         assert state.tick >= pose.tick
         assert apply(pose.pose.matrix(), [0, 0, 0])[2] == 0.0
+
+
+def test_the_tracker_speaks_at_every_tick_and_the_same_in_every_run(open_bus: OpenBus) -> None:
+    runs = []
+    for _ in range(2):
+        tracker = {"target_noise_m": 0.02, "target_delay_s": 0.1, "target_dropout": 0.3}
+        watcher = open_bus("watcher")
+        with (
+            watcher.every(TARGET_OBSERVATION) as told,
+            simulating(open_bus, max_ticks=12, **tracker) as partners,
+        ):
+            partners.wait_for_tick(11)
+            found: dict[int, object] = {}
+            while 11 not in found:
+                message = told.get(WAIT_S).message
+                assert found.setdefault(message.tick, message) == message
+        runs.append(found)
+    assert runs[0] == runs[1]
+    assert set(runs[0]) == set(range(12))
+    assert len({str(message.sighting) for message in runs[0].values()}) > 6

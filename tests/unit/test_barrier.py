@@ -120,3 +120,14 @@ def test_whatever_arrives_ticks_close_once_in_order_and_clouds_are_used_at_most_
         (step.tick, camera) for step in steps if isinstance(step, Close) for camera in step.used
     ]
     assert used == taken
+
+
+def test_a_camera_that_comes_late_is_waited_for_from_its_first_word_on() -> None:
+    barrier = barrier_of(0)
+    offered(barrier, 3, 0)
+    barrier.appear(1)
+    assert barrier.alive == (0, 1)
+    assert offered(barrier, 4, 0) == complete(4, 0)  # It may have no place in the world yet.
+    assert offered(barrier, 5, 1, 0) == complete(5, 0, 1)
+    assert offered(barrier, 6, 0) == complete(6, 0)[:1]
+    assert barrier.vanish(1) == [Close(6, (0,), ())]

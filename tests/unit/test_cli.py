@@ -15,7 +15,17 @@ pytestmark = pytest.mark.unit
 def test_help_names_every_command(capsys):
     assert dispatch(["--help"]) == 0
     text = capsys.readouterr().out
-    for command in ("run", "simulator", "camera", "planner", "mapper", "evaluator", "router"):
+    for command in (
+        "run",
+        "convert",
+        "plan",
+        "simulator",
+        "camera",
+        "planner",
+        "mapper",
+        "evaluator",
+        "router",
+    ):
         assert f"  {command} " in text
 
 
@@ -26,7 +36,7 @@ def test_no_command_is_a_wish_for_help(capsys):
 
 def test_an_unknown_command_is_answered_with_the_known_ones(capsys):
     assert dispatch(["fly"]) == 2
-    assert "no command 'fly'; known: run, simulator" in capsys.readouterr().err
+    assert "no command 'fly'; known: run, convert, plan, " in capsys.readouterr().err
 
 
 def test_help_imports_nothing_that_is_slow():
@@ -60,6 +70,7 @@ def test_the_environment_may_name_the_scenario(tmp_path):
         (["--resolution", "big"], "flag: resolution = 'big': must be WIDTHxHEIGHT"),
         (["--scenario", "none.toml"], r"none\.toml: cannot be read"),
         (["--forever", "--duration", "3"], "forever and duration exclude each other"),
+        (["--frames-to-clear", "2"], "frames_to_clear 2 with memory instant"),
     ],
 )
 def test_a_wrong_flag_names_value_and_rule(args, complaint):

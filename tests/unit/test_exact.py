@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from services.mapper.exact import ExactIntegrator
 from services.mapper.voxel_map import VoxelMap
 from tests.octomap_reference import classes_in, classes_of, inserted, log_odds_in
 
@@ -110,3 +111,22 @@ def test_the_order_of_points_does_not_matter() -> None:
     one.fuse_points(points, origin)
     other.fuse_points(points[::-1], origin)
     np.testing.assert_array_equal(one.log_odds_dense(), other.log_odds_dense())
+
+
+def test_many_threads_walk_to_the_same_map() -> None:
+    one, many = VoxelMap(0.01, LOW, HIGH), VoxelMap(0.01, LOW, HIGH)
+    for points, origin in clouds(np.random.default_rng(10), 1.5, count=3, num_points=3000):
+        assert one.fuse_points(points, origin) == many.fuse_points(points, origin, threads=3)
+        np.testing.assert_array_equal(one.log_odds_dense(), many.log_odds_dense())
+
+
+def test_an_interrupted_cloud_leaves_nothing_for_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    points, origin = clouds(np.random.default_rng(11), 0.9, count=1, num_points=300)[0]
+    ours, clean = VoxelMap(0.01, LOW, HIGH), VoxelMap(0.01, LOW, HIGH)
+    with monkeypatch.context() as patch:
+        patch.setattr(ExactIntegrator, "_walk", lambda *_: [][0])
+        with pytest.raises(IndexError):
+            ours.fuse_points(points[:100], origin)
+    ours.fuse_points(points[100:], origin)
+    clean.fuse_points(points[100:], origin)
+    np.testing.assert_array_equal(ours.log_odds_dense(), clean.log_odds_dense())

@@ -9,14 +9,16 @@ import itertools
 import numpy as np
 import pytest
 
-from services.kernels import bricks, carve, classes, hits
+from services.kernels import bricks, classes, hits, levels, marks
 from services.kernels.bricks import UNKNOWN, VOXELS
 from services.kernels.rigid import apply, inverse, look_at
 from services.mapper.box import Box
 from services.mapper.brick_store import BrickStore
 from services.mapper.exact import ExactIntegrator
-from services.mapper.projective import FOOTPRINT, MARGIN, NO_RETURN, ProjectiveIntegrator, View
+from services.mapper.look import FOOTPRINT, MARGIN
+from services.mapper.projective import ProjectiveIntegrator
 from services.mapper.sensor_model import SensorModel
+from services.mapper.view import NO_RETURN, View
 
 pytestmark = pytest.mark.unit
 
@@ -77,17 +79,55 @@ def assert_updated(
     np.testing.assert_array_equal(expanded(store)[sure], expected[sure])
 
 
+def bits_of(chosen: np.ndarray) -> np.ndarray:
+    """(8,) uint64 marks of (512,) 0 or 1."""
+    return np.packbits(chosen.astype(np.uint8), bitorder="little").view(np.uint64)
+
+
 def test_updates_of_one_voxel_and_of_rows_add_and_clamp(rng: np.random.Generator) -> None:
     for row in random_log_odds(rng)[:30]:
-        free, stamp = rng.integers(0, 2, (2, VOXELS)).astype(np.int32)
+        free, hit = rng.integers(0, 2, (2, VOXELS)).astype(np.int32)
         np.testing.assert_array_equal([bricks.add(x, HIT, LOW, HIGH) for x in row], added(row, HIT))
-        all_missed, some_missed, spared = row.copy(), row.copy(), free.copy()
+        all_missed, some_missed, some_hit, spared = row.copy(), row.copy(), row.copy(), free.copy()
         assert bricks.miss_row(all_missed, MISS, LOW) == (added(row, MISS) != LOW).sum()
         np.testing.assert_array_equal(all_missed, added(row, MISS))
-        carve.spare_stamped(spared, stamp.astype(np.uint8), np.uint8(1))
-        expected = np.where((free == 1) & (stamp != 1), added(row, MISS), row)
-        assert carve.miss_some(some_missed, spared, MISS, LOW) == (expected != LOW).sum()
+        marks.spare(spared, bits_of(hit))
+        expected = np.where((free == 1) & (hit == 0), added(row, MISS), row)
+        assert marks.miss_some(some_missed, spared, MISS, LOW) == (expected != LOW).sum()
         np.testing.assert_array_equal(some_missed, expected)
+        marks.hit_some(some_hit, hit, HIT, LOW, HIGH)
+        np.testing.assert_array_equal(some_hit, np.where(hit == 1, added(row, HIT), row))
+
+
+def test_marks_are_bits_in_the_order_of_voxels(rng: np.random.Generator) -> None:
+    for chosen in rng.integers(0, 2, (20, VOXELS)).astype(np.int32):
+        out = np.empty(VOXELS, np.int32)
+        assert marks.expand(bits_of(chosen), out) == chosen.sum()
+        np.testing.assert_array_equal(out, chosen)
+
+
+def test_merged_marks_are_those_of_both_and_the_other_is_wiped(rng: np.random.Generator) -> None:
+    one, other = rng.integers(0, 1 << 62, (2, 64)).astype(np.uint64)
+    both = one | other
+    marks.merge(one, other)
+    np.testing.assert_array_equal(one, both)
+    assert not other.any()
+
+
+def test_marked_voxels_are_taken_in_once_and_a_hit_beats_a_miss(rng: np.random.Generator) -> None:
+    store, prior = random_map(rng)
+    total = store.bricks.slot.size
+    hit, free = rng.random((2, total, VOXELS)) < rng.choice([0, 0.1, 1], (2, total, 1))
+    hit_marks, free_marks = (np.stack([bits_of(row) for row in x]).reshape(-1) for x in (hit, free))
+    marks.take_in(store.bricks, hit_marks, free_marks, SENSOR.fixed_point())
+    assert not hit_marks.any()
+    assert not free_marks.any()
+    nx, ny, nz = BOX.num_bricks
+    hit, free = (
+        x.reshape(nx, ny, nz, 8, 8, 8).transpose(0, 3, 1, 4, 2, 5).reshape(BOX.shape)
+        for x in (hit, free)
+    )
+    assert_updated(store, prior, hit, free, np.zeros(BOX.shape, bool))
 
 
 def test_a_pixel_is_dropped_if_one_of_five_before_it_ends_alike(rng: np.random.Generator) -> None:
@@ -113,39 +153,81 @@ def voxels_hit(view: View) -> tuple[np.ndarray, np.ndarray]:
     return hit, (np.abs(at - np.round(at)) < NEAR_BORDER).any(axis=-1)
 
 
-def farthest(reach: np.ndarray, width_px: float, v: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Farthest reach in windows of about a width; v and u (px) count from the image's corner."""
-    cell = 1 if width_px < 3.5 else 2
-    cells = min(31, max(1, int(width_px / cell + 0.5)))
-    grown = np.pad(reach, [(0, -size % cell) for size in reach.shape])
-    parts = [grown[n // cell :: cell, n % cell :: cell] for n in range(cell**2)]
-    cut = np.pad(np.max(parts, axis=0), cells)
-    windows = np.lib.stride_tricks.sliding_window_view(cut, (cells, cells))
-    middle = 0.5 if cells % 2 == 0 else 0.0
-    top, left = (np.floor(x / cell + middle).astype(int) + (cells + 1) // 2 for x in (v, u))
-    return windows[top, left].max(axis=(-2, -1))
+def farthest(reach: np.ndarray, size: tuple[int, int], v: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Farthest reach in windows of (rows, columns) from cells v, u on; 0 outside."""
+    pad = 60
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(reach, pad), size)
+    v, u = (np.clip(x + pad, 0, n - 1) for x, n in zip((v, u), windows.shape, strict=False))
+    return windows[v, u].max(axis=(-2, -1))
+
+
+def halved(reach: np.ndarray) -> np.ndarray:
+    """The farthest of each 2x2 pixels."""
+    grown = np.pad(reach, [(0, -size % 2) for size in reach.shape])
+    return np.max([grown[n // 2 :: 2, n % 2 :: 2] for n in range(4)], axis=0)
+
+
+def seen_reach(
+    reach: np.ndarray, mean_px: float, aspect: float, silhouette_px: np.ndarray, vu: np.ndarray
+) -> np.ndarray:
+    """How far the image sees around points vu (2, ..), pixels from the first one's centre.
+
+    Args:
+        mean_px: mean side of a brick's silhouettes, aspect: width over height, square root.
+        silhouette_px: (2, ..) rows and columns of every voxel's own.
+    """
+    if mean_px < 2.0:
+        first = np.floor(vu - silhouette_px / 2).astype(int) + 1
+        count = np.minimum(np.floor(vu + silhouette_px / 2).astype(int) - first, 1) + 1
+        best = np.zeros(vu.shape[1:])
+        for size in itertools.product((1, 2), repeat=2):
+            mine = (count == np.reshape(size, (2, *[1] * (vu.ndim - 1)))).all(axis=0)
+            best = np.where(mine, farthest(reach, size, *first), best)
+        return best
+    fine = mean_px < 5.5
+    sides = np.arange(2, 6) if fine else levels.WIDTHS
+    cell = 1 if fine else 2
+    side = int(min(sides, key=lambda s: (abs(s * cell - mean_px), s)))
+    widest = levels.WIDEST_PX if fine else levels.WIDTHS[-1]
+    rows, columns = (
+        int(np.clip(np.round(side * f - (0.2 if f < 1 else 0.0)), 1, widest))
+        for f in (1 / aspect, aspect)
+    )
+    at = [
+        np.floor((x + 0.5) / cell + (0.5 if n % 2 == 0 else 0.0)).astype(int) - n // 2
+        for x, n in zip(vu, (rows, columns), strict=True)
+    ]
+    return farthest(reach if fine else halved(reach), (rows, columns), *at)
 
 
 def voxels_seen_beyond(view: View) -> tuple[np.ndarray, np.ndarray]:
     """(nx, ny, nz) whether the image reaches beyond a voxel, and where that is too near to tell."""
     fx, fy, cx, cy = view.pinhole
-    (height, width), margin_m = view.depth.shape, MARGIN * BOX.resolution_m
+    margin_m = MARGIN * BOX.resolution_m
+    T_camera_map = inverse(view.T_map_camera)
+    along_u, along_v, area = np.abs(T_camera_map[:3, :3]).sum(axis=1)
+    wide, side_m = np.sqrt(along_u / along_v), FOOTPRINT * np.sqrt(area) * BOX.resolution_m
     reach = np.minimum(view.depth, int(view.max_range_m / view.scale_m)) * view.scale_m
     free, unsure = np.zeros(BOX.shape, bool), np.zeros(BOX.shape, bool)
     for brick in np.ndindex(BOX.num_bricks):
         part = tuple(slice(8 * n, 8 * n + 8) for n in brick)
         centres_m = CORNERS_M[part] + BOX.resolution_m / 2
-        x, y, z = np.moveaxis(apply(inverse(view.T_map_camera), centres_m), -1, 0)
+        x, y, z = np.moveaxis(apply(T_camera_map, centres_m), -1, 0)
+        ahead = z > 0.02
+        z = np.where(ahead, z, 1.0)
         # The window is chosen once per brick, by the depth of its centre.
-        width_px = FOOTPRINT * fx * BOX.resolution_m / max(z.mean(), 0.02)
-        u, v = x * fx / z + cx + 0.5, y * fy / z + cy + 0.5
+        mean_px = (
+            side_m * np.sqrt(fx * fy) / max(apply(T_camera_map, centres_m)[..., 2].mean(), 0.02)
+        )
+        vu = np.stack([y * fy / z + cy, x * fx / z + cx])
+        own_px = np.stack([side_m / wide * fy / z, side_m * wide * fx / z])
         says = []
         # As computed first, then with every quantity a little less and a little more.
         for e, f, d in [(0, 0, 0), *itertools.product((-1, 1), repeat=3)]:
-            a, b = v + e * NEAR_BORDER, u + f * NEAR_BORDER
-            seen = (z > 0.02) & (a >= 0) & (b >= 0) & (a < height) & (b < width)
-            far = farthest(reach, width_px * (1 + d * 1e-5), a * seen, b * seen)
-            says.append(seen & (z + margin_m + d * NEAR_M < far))
+            near = vu + np.reshape((e, f), (2, 1, 1, 1)) * NEAR_BORDER
+            grown = 1 + d * 1e-5
+            far = seen_reach(reach, mean_px * grown, wide * np.sqrt(fx / fy), own_px * grown, near)
+            says.append(ahead & (z + margin_m + d * NEAR_M < far))
         free[part], unsure[part] = says[0], np.any(says != says[0], axis=0)
     return free, unsure
 
@@ -171,7 +253,7 @@ def test_an_image_hits_and_frees_what_projecting_every_voxel_says(
     view = View(blocky_image(rng, rows), pinhole, T, 0.001, max_range_m=1.5)
     view.depth[voxels_hit(view)[1] & (view.depth != NO_RETURN)] = 0
     store, prior = random_map(rng)
-    fused = ProjectiveIntegrator(BOX, store, SENSOR).fuse(view)
+    fused = ProjectiveIntegrator(BOX, store, SENSOR).fuse([view])
     (hit, _), (free, unsure) = voxels_hit(view), voxels_seen_beyond(view)
     assert fused.num_hits == hit.sum() > 50
     assert fused.num_returns == ((view.depth != 0) & (view.depth != NO_RETURN)).sum()
@@ -210,22 +292,6 @@ def test_rays_cross_the_voxels_in_which_they_have_a_length(
     assert_updated(store, prior, hit, free, unsure & ~free)
 
 
-def test_changes_are_where_the_classes_differ_from_those_told(rng: np.random.Generator) -> None:
-    store, _ = random_map(rng)
-    told, told_value = np.full((len(INDEX), VOXELS), 9, np.uint8), np.zeros(len(INDEX), np.uint8)
-    before, rows = np.zeros(BOX.shape, int), np.empty((2 * VOXELS, 4), np.int16)
-    for _ in range(3):
-        now = class_of(expanded(store))
-        brick, changes = 0, []
-        while brick < len(told):
-            brick, count = classes.publish(store.bricks, told, told_value, brick, rows)
-            changes += rows[:count].tolist()
-        expected = np.column_stack([np.argwhere(now != before), now[now != before]])
-        assert sorted(changes) == expected.tolist()
-        before = now
-        store.restore(INDEX, random_log_odds(rng))
-
-
 def test_counts_classes_and_entropy_are_those_of_the_dense_map(rng: np.random.Generator) -> None:
     store, dense = random_map(rng)
     np.testing.assert_array_equal(expanded(store), dense)
@@ -237,14 +303,3 @@ def test_counts_classes_and_entropy_are_those_of_the_dense_map(rng: np.random.Ge
     table = rng.random(4096).astype(np.float32)
     expected = table[(dense.astype(int) + 32768) // 16].astype(np.float64).sum()
     assert classes.sum_entropy(store.bricks, table, 4) == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize(("factor", "forgotten"), [(0.93, 800), (1.0, 0), (0.02, 800)])
-def test_fading_scales_every_voxel_towards_zero_and_forgets_the_nearly_even(
-    rng: np.random.Generator, factor: float, forgotten: int
-) -> None:
-    store, dense = random_map(rng)
-    classes.fade_bricks(store.bricks, np.float32(factor), forgotten)
-    faded = np.trunc(dense.astype(np.float32) * np.float32(factor))
-    faded[(dense == UNKNOWN) | (np.abs(faded) < forgotten)] = UNKNOWN
-    np.testing.assert_array_equal(expanded(store), faded)

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.unit
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted([*(ROOT / "schemas").rglob("*.py"), *(ROOT / "services").rglob("*.py")])
-SERVICES = ("planner", "camera", "simulator", "mapper", "evaluator")
+SERVICES = ("planner", "camera", "simulator", "mapper", "evaluator", "viewer")
 MAX_LINES = 250
 
 

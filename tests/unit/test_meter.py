@@ -55,6 +55,11 @@ def test_gaps_in_the_numbering_are_losses_and_a_restart_is_not() -> None:
     assert meter.lost == 3 + 1
 
 
+def test_a_key_of_any_length_has_a_status() -> None:
+    key = "metrics/" + "x" * 300
+    assert TopicMeter(key, 0.0, sent=False).status(0.0).key == key[:256]
+
+
 def test_stages_add_up() -> None:
     stages = StageMeter()
     for _ in range(10):

@@ -7,7 +7,7 @@ from schemas.camera import CameraGoal
 from schemas.geometry import Pose, Twist
 from schemas.sim import CameraBody
 from services.camera.drive import DriveLimits
-from services.camera.pilot import command
+from services.camera.flying import FlyingPilot
 from services.kernels.rigid import integrate_twist, look_at, pose_error
 
 pytestmark = pytest.mark.unit
@@ -35,7 +35,7 @@ def goal(tick):
 
 
 def reached(tick, goal_tick):
-    twist = command(BODY, tick, goal(goal_tick), DT, FREE)
+    twist = FlyingPilot(FREE).command(BODY, tick, goal(goal_tick), DT)
     return integrate_twist(BODY.pose.matrix(), twist.linear, twist.angular, DT)
 
 

@@ -1,10 +1,14 @@
 """The projective integrator keeps OctoMap's rules; its free space is OctoMap's but for the rim."""
 
+import math
+
 import numpy as np
 import pytest
 
 from benchmarks.mapping_scene import camera_pose, depth_image, points
-from services.kernels import levels
+from services.mapper.errors import BadThreads
+from services.mapper.look import Look
+from services.mapper.view import View
 from services.mapper.voxel_map import VoxelMap
 from tests.octomap_reference import (
     FREE,
@@ -91,7 +95,9 @@ def test_a_camera_inside_the_box_frees_what_is_before_it_alone() -> None:
     v = FOCAL_PX * free[:, 1] / free[:, 2] + 239.5
     assert (free[:, 2] > 0).all()
     assert (free[:, 2] < 0.5).all()
-    assert ((u > -1) & (u < 640) & (v > -1) & (v < 480)).all()
+    # A voxel at the rim is seen by half: its centre may lie beside the image.
+    half_px = 0.5 * FOCAL_PX * 0.02 / free[:, 2] + 2.0
+    assert ((u > -half_px) & (u < 639 + half_px) & (v > -half_px) & (v < 479 + half_px)).all()
     assert len(free) > 0.5 * 640 * 480 * 0.5**3 / 3 / FOCAL_PX**2 / 0.02**3
 
 
@@ -125,46 +131,72 @@ def test_fusing_is_the_same_to_the_last_bit_on_every_run() -> None:
     np.testing.assert_array_equal(*(ours.log_odds_dense() for ours in maps))
 
 
-def windowed_max(image: np.ndarray, before: int, after: int) -> np.ndarray:
-    """Numpy twin: max over [u - before, u + after] on both axes, the image's edge repeated."""
-    pads = [(before, after), (before, after)]
-    padded = np.pad(image, pads, mode="edge")
-    width = before + after + 1
-    return np.lib.stride_tricks.sliding_window_view(padded, (width, width)).max(axis=(2, 3))
+@pytest.mark.parametrize("threads", [2, 3])
+@pytest.mark.parametrize("half_life_s", [math.inf, 0.5])
+def test_many_threads_make_the_map_of_one_to_the_last_bit(threads: int, half_life_s: float) -> None:
+    views = [View(image, PINHOLE, T, 0.001, 10.0) for image, T in ring(6, empty=65535)]
+    one, many = (VoxelMap(0.02, LOW, HIGH) for _ in range(2))
+    for shown in (views[:5], views[2:], views):
+        fused = one.fuse_many(shown), many.fuse_many(shown, threads)
+        assert fused[0] == fused[1]
+        np.testing.assert_array_equal(one.log_odds_dense(), many.log_odds_dense())
+        for ours in (one, many):
+            ours.decay(0.1, half_life_s)
 
 
-@pytest.mark.parametrize("shape", [(8, 8), (7, 9), (1, 5), (2, 1)])
-def test_sliding_maxima_are_those_of_numpy(shape: tuple[int, int]) -> None:
-    image = np.random.default_rng(4).integers(0, 65536, shape).astype(np.uint16)
-    even = np.empty((shape[0] + 1, shape[1] + 1), np.uint16)
-    odd = np.empty(shape, np.uint16)
-    levels.widen_to_even(image, even)
-    levels.widen_to_odd(even, odd)
-    np.testing.assert_array_equal(even, windowed_max(np.pad(image, 1, mode="edge"), 1, 0)[1:, 1:])
-    np.testing.assert_array_equal(odd, windowed_max(image, 1, 1))
+def test_a_number_of_threads_that_is_none_is_refused() -> None:
+    ours = VoxelMap(0.02, LOW, HIGH)
+    for threads in (0, -1, 65, 1.5):
+        with pytest.raises(BadThreads, match="whole number from 1 to 64"):
+            ours.fuse_many([], threads)
 
 
-@pytest.mark.parametrize("shape", [(8, 8), (7, 9), (1, 5), (2, 1), (17, 33)])
-def test_halving_and_tiles_are_those_of_numpy(shape: tuple[int, int]) -> None:
-    image = np.random.default_rng(5).integers(0, 65536, shape).astype(np.uint16)
-    limit = np.uint16(40000)
-    rows, columns = -(-shape[0] // 2), -(-shape[1] // 2)
-    half = np.empty((rows, columns), np.uint16)
-    levels.halve(image, limit, half)
-    odd = np.pad(image, [(0, 2 * rows - shape[0]), (0, 2 * columns - shape[1])], mode="edge")
-    expected = np.minimum(odd.reshape(rows, 2, columns, 2).max(axis=(1, 3)), limit)
-    np.testing.assert_array_equal(half, expected)
-    tiles = (-(-rows // 4), -(-columns // 4))
-    nearest, farthest = np.empty(tiles, np.uint16), np.empty(tiles, np.uint16)
-    levels.tiles(half, nearest, farthest)
-    for a, b in np.ndindex(tiles):
-        part = half[4 * a : 4 * a + 4, 4 * b : 4 * b + 4]
-        assert (nearest[a, b], farthest[a, b]) == (part.min(), part.max())
+@pytest.mark.parametrize("focal_px", [(1.5, 1.5), (7.0, 7.0), (12.0, 9.0), (300.0, 0.5)])
+@pytest.mark.parametrize("resolution", [0.1, 0.35, 1.0])
+def test_a_camera_of_few_pixels_inside_the_box_frees_what_it_sees(
+    focal_px: tuple[float, float], resolution: float
+) -> None:
+    ours = VoxelMap(resolution, (-8, -8, -8), (8, 8, 8))
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        T = camera_pose(rng.uniform(0, 6), rng.uniform(0.1, 4), rng.uniform(0.1, 2), 0.3)
+        image = rng.choice([0, 900, 5000, 65535], (16, 16)).astype(np.uint16)
+        ours.fuse_depth(image, (*focal_px, 7.5, 7.5), T, max_range_m=6.0)
+        free = ours.free().centres_m
+        assert len(free) > 0 or focal_px[0] > 100  # Then a voxel may be larger than the image.
+        # What is free lies within the maximum range of a camera so far, and its voxel's edge.
+        assert (
+            np.abs(free).max(initial=0.0)
+            < 4 + 2 + 6 * np.hypot(1, 8 / min(focal_px)) + 2 * resolution
+        )
 
 
-def test_the_level_asked_for_has_the_window_closest_in_width() -> None:
-    for pixels in np.linspace(0.2, 60, 300):
-        level = int(levels.level_for(np.float32(pixels)))
-        cells = int(levels.cells_of(level))
-        width = cells if level < levels.NUM_FINE else 2 * cells
-        assert abs(width - max(pixels, 1)) <= 1.0 + 1e-4
+class Interrupted(Exception):
+    """What ends a step in its middle."""
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("step", ["list_bricks", "apply"])
+def test_an_interrupted_fuse_leaves_nothing_for_the_next(
+    monkeypatch: pytest.MonkeyPatch, threads: int, step: str
+) -> None:
+    views = [View(image, PINHOLE, T, 0.001, 10.0) for image, T in ring(2, empty=65535)]
+    ours, clean = (VoxelMap(0.02, LOW, HIGH) for _ in range(2))
+
+    def interrupted(*_: object) -> int:
+        raise Interrupted
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Look, step, interrupted)
+        with pytest.raises(Interrupted):
+            ours.fuse_many(views, threads)
+    assert ours.num_open == 0
+    assert ours.fuse_many(views, threads) == clean.fuse_many(views, threads)
+    np.testing.assert_array_equal(ours.log_odds_dense(), clean.log_odds_dense())
+    assert ours.num_open == clean.num_open
+
+
+def test_every_whole_range_counts_its_last_unit() -> None:
+    for millimetres in range(1, 3000, 7):
+        view = View(np.zeros((1, 1), np.uint16), PINHOLE, np.eye(4), 0.001, millimetres / 1000)
+        assert view.limit == millimetres

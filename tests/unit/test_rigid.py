@@ -8,6 +8,7 @@ from services.kernels.rigid import (
     integrate_twist,
     inverse,
     look_at,
+    optical_yaw,
     planar,
     pose_error,
     rotation_exp,
@@ -105,3 +106,10 @@ def test_pose_error_measures_the_twist_that_joins_two_poses(seed):
 def test_planar_puts_x_forward_along_the_heading():
     T = planar(1.0, 2.0, np.pi / 2)
     np.testing.assert_allclose(apply(T, [1.0, 0.0, 0.5]), [1.0, 3.0, 0.5], atol=1e-12)
+
+
+@pytest.mark.parametrize("yaw", np.linspace(-3.1, 3.1, 9))
+@pytest.mark.parametrize("tilt", [-1.4, -0.3, 0.0, 1.4])
+def test_an_upright_camera_looks_along_its_yaw_however_far_it_is_tilted(yaw, tilt):
+    T = look_at([1.0, 2.0, 3.0], [1 + np.cos(yaw), 2 + np.sin(yaw), 3 + np.tan(tilt)])
+    assert optical_yaw(T) == pytest.approx(yaw)

@@ -54,11 +54,11 @@ def test_a_setting_comes_from_the_environment(monkeypatch):
     with pytest.raises(ValidationError, match="torus stands upright already"):
         SimulatorSettings()
     monkeypatch.delenv("ENCIRCLE_SIMULATOR_UP")
-    assert SimulatorSettings().scene().object == "torus"
+    assert SimulatorSettings().scene(0).object == "torus"
 
 
 def test_a_mesh_file_is_named_so_that_processes_elsewhere_find_it(tmp_path, monkeypatch):
     (tmp_path / "t.off").write_text(TETRAHEDRON)
     monkeypatch.chdir(tmp_path)
     settings = SimulatorSettings(object="t.off", up="x")
-    assert settings.scene().object == f"{tmp_path.resolve() / 't.off'}:x"
+    assert settings.scene(0).object == f"{tmp_path.resolve() / 't.off'}:x"

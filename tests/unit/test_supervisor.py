@@ -119,6 +119,24 @@ def test_one_that_ignores_the_request_to_end_is_killed(tmp_path):
     assert not is_running(pid)
 
 
+def test_a_recorder_is_given_the_time_to_finish_its_file(tmp_path, monkeypatch):
+    monkeypatch.setattr("services.launcher.supervisor.TERMINATE_TIMEOUT_S", 0.1)
+    finishing = (
+        "import signal, time\n"
+        "def finish(*_):\n    time.sleep(0.5)\n    print('whole')\n    raise SystemExit(0)\n"
+        "signal.signal(15, finish)\nprint('up')\ntime.sleep(60)"
+    )
+    specs = [python("recorder", finishing), python("stubborn", STUBBORN)]
+    with Supervisor(specs, tmp_path) as supervisor:
+        supervisor.start()
+        for name in supervisor.children:
+            wait_for(lambda name=name: tail(supervisor.log_path(name)) == "up")
+        began_s = time.monotonic()
+    assert tail(supervisor.log_path("recorder")).endswith("whole")
+    assert supervisor.children["stubborn"].process.returncode == -signal.SIGKILL
+    assert time.monotonic() - began_s < 10
+
+
 def test_grandchildren_are_ended_too(tmp_path):
     spawn = "import subprocess; p = subprocess.Popen(['sleep', '60']); print(p.pid); p.wait()"
     with Supervisor([python("parent", spawn)], tmp_path) as supervisor:
@@ -153,3 +171,27 @@ with Supervisor([ProcessSpec("x", ("sleep", "60"))], Path({str(tmp_path)!r})) as
         wait_for(lambda: Path(f"/proc/{orphan}/cmdline").read_bytes().startswith(b"sleep"))
         launcher.kill()
     wait_for(lambda: not is_running(orphan))
+
+
+def test_one_more_is_started_and_one_that_is_ended_is_forgotten_and_not_missed(tmp_path):
+    with Supervisor([sleeper("a")], tmp_path, AT_ONCE) as supervisor:
+        supervisor.start()
+        supervisor.add(sleeper("b"))
+        a, b = (supervisor.children[name].pid for name in "ab")
+        assert is_running(b)
+        supervisor.end("b")
+        assert wait_for(lambda: supervisor.poll() or list(supervisor.children) == ["a"]) is True
+        assert is_running(a)
+        assert not is_running(b)
+        supervisor.add(sleeper("b"))
+        assert supervisor.children["b"].pid not in (None, b)
+
+
+def test_one_that_ignores_that_it_shall_end_is_killed_while_the_others_go_on(tmp_path):
+    with Supervisor([sleeper("a"), python("b", STUBBORN)], tmp_path) as supervisor:
+        supervisor.start()
+        wait_for(lambda: tail(supervisor.log_path("b")) == "up")
+        supervisor.end("b")
+        assert supervisor.children["b"].state == "ending"
+        wait_for(lambda: supervisor.poll() or "b" not in supervisor.children)
+        assert supervisor.children["a"].state == "running"

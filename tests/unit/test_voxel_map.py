@@ -16,8 +16,8 @@ from services.mapper.errors import (
     BadSensorModel,
     MapTooLarge,
 )
-from services.mapper.projective import View
 from services.mapper.sensor_model import LOG_ODDS_SCALE, SensorModel
+from services.mapper.view import View
 from services.mapper.voxel_map import VoxelMap
 
 pytestmark = pytest.mark.unit
@@ -222,7 +222,7 @@ def test_memory_grows_with_what_is_seen_and_not_with_the_box() -> None:
     empty = large.num_bytes
     large.fuse_depth(step_image(), PINHOLE, looking_down())
     assert large.num_bytes < empty + (1 << 20)
-    assert large.num_bytes < large.box.num_voxels / 10
+    assert large.num_bytes < large.box.num_voxels / 8
 
 
 def test_a_saved_map_is_read_back_as_it_was(voxels: VoxelMap, tmp_path) -> None:

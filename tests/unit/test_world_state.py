@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from services.kernels.rigid import integrate_twist, look_at, pose_error
+from services.simulator.actuator import Actuator
 from services.simulator.clock import Clock
 from services.simulator.messages import sim_state
 from services.simulator.settings import SimulatorSettings
-from services.simulator.world_state import Limits, World
+from services.simulator.world_state import World
 from services.world.path import open_motion
 
 pytestmark = pytest.mark.unit
@@ -16,7 +17,7 @@ DT_NS = 66_666_667
 
 
 def world(speed=3.0, turn=4.0):
-    return World(open_motion("ellipse", (1.6, 1.2), 40.0), DT_NS, Limits(speed, turn))
+    return World(open_motion("ellipse", (1.6, 1.2), 40.0), DT_NS, Actuator(speed, turn))
 
 
 def test_time_is_the_tick_times_dt_to_the_nanosecond():
@@ -67,7 +68,7 @@ def test_a_camera_spawns_once_and_a_command_for_none_is_ignored():
 
 
 def test_the_state_that_is_told_is_the_state_that_is():
-    w, spec = world(), SimulatorSettings(object="box").scene()
+    w, spec = world(), SimulatorSettings(object="box").scene(0)
     for camera in (2, 0):
         w.spawn(camera, look_at([1 + camera, 0, 0.5], [0, 0, 0.2]))
     for _ in range(7):

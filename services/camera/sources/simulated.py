@@ -3,7 +3,7 @@
 from typing import Literal
 
 from schemas.camera import CameraIndex, Intrinsics
-from schemas.sim import CameraBody, SimState
+from schemas.sim import CameraBody, SceneSpec, SimState
 from services.camera.sources.depth_sensor import DepthSensor, DepthSettings
 from services.camera.sources.painter import Painter
 from services.camera.sources.renderer import Renderer
@@ -35,6 +35,10 @@ class SimulatedSource:
         self._sensor = DepthSensor(settings, settings.seed, settings.camera)
         self._painter = Painter() if settings.color else None
         self._scene: Scene | None = None
+
+    def prepare(self, scene: SceneSpec) -> None:
+        """Load a scene, which is then at hand; see `Source`."""
+        Scene.from_spec(scene)
 
     def capture(self, state: SimState, *, color: bool) -> Frame:
         """Render the instant of `state`, in which this camera must have a body."""

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.sim import SimState
+from schemas.sim import SceneSpec, SimState
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,13 @@ class Frame:
 
 class Source(Protocol):
     """Where a camera's images come from."""
+
+    def prepare(self, scene: SceneSpec) -> None:
+        """Make ready for a scene that is about to come; from any thread.
+
+        Raises:
+            WorldError: If it cannot be built here.
+        """
 
     def capture(self, state: SimState, *, color: bool) -> Frame:
         """Look at the instant of `state`."""

@@ -6,9 +6,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from schemas.camera import MAX_CAMERAS
-from services.kernels.rigid import apply
 from services.planner.motion import Motion, still
-from services.planner.plan import Plan
+from services.planner.plan import Plan, carried
 from services.planner.ring import ring_views
 
 
@@ -31,20 +30,16 @@ class Circle:
     that the target carries: q_i = q_t + R_t d_i, v_i = v_t + w_t x R_t d_i, w_i = w_t.
     """
 
+    rests = True
+
     def __init__(self, settings: CircleSettings) -> None:
         self._radius_m = settings.radius_m
         self._centre = np.array([0.0, 0.0, settings.centre_height_m])
         views = ring_views(
             settings.cameras, settings.radius_m, settings.elevation_rad, self._centre
         )
-        self._views = [still(view) for view in views]
+        self._local = still(np.array(views))
 
     def plan(self, target: Motion, t_s: float) -> Plan:  # noqa: ARG002 the circle never changes.
         """Carry the ring of cameras along with the target."""
-        views = tuple(target.carry(view) for view in self._views)
-        return Plan(
-            views=views,
-            centre_m=apply(target.T, self._centre),
-            radius_m=self._radius_m,
-            polygon_m=tuple(view.T[:3, 3] for view in views),
-        )
+        return carried(target, self._local, self._centre, self._radius_m, is_polygon=True)

@@ -32,20 +32,22 @@ class DomeSettings(BaseModel):
 class Dome:
     """The single-camera experiment: predefined views, one after the other, round and round."""
 
+    rests = False
+
     def __init__(self, settings: DomeSettings) -> None:
         views = dome_views() if settings.view_file is None else read_views(settings.view_file)
         self._centre = np.array([0.0, 0.0, settings.centre_height_m])
         self._flight = Flight(views, self._centre, settings.dwell_s, settings.travel_s)
         leg_s = settings.dwell_s + settings.travel_s
         share = len(views) / settings.cameras
-        self._head_starts_s = [int(i * share) * leg_s for i in range(settings.cameras)]
+        self._head_starts_s = np.floor(np.arange(settings.cameras) * share) * leg_s
 
     def plan(self, target: Motion, t_s: float) -> Plan:
         """Return where each camera is on its tour at `t_s`."""
-        local = [self._flight.at(t_s + ahead_s) for ahead_s in self._head_starts_s]
-        arms = [np.linalg.norm(view.T[:3, 3] - self._centre) for view in local]
+        local = self._flight.all_at(t_s + self._head_starts_s)
+        arms = np.linalg.norm(local.T[:, :3, 3] - self._centre, axis=1)
         return Plan(
-            views=tuple(target.carry(view) for view in local),
+            views=target.carry(local).each(),
             centre_m=apply(target.T, self._centre),
             radius_m=float(np.mean(arms)),
             polygon_m=(),

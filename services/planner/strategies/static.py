@@ -30,6 +30,8 @@ class StaticSettings(BaseModel):
 class Static:
     """A rig on the wall: the same views, whatever the target does."""
 
+    rests = False
+
     def __init__(self, settings: StaticSettings) -> None:
         centre = np.asarray(settings.centre_m, np.float64)
         views = (

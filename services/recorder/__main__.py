@@ -1,0 +1,6 @@
+"""`python -m services.recorder`."""
+
+from services.recorder.record import main
+
+if __name__ == "__main__":
+    main()
