@@ -3,8 +3,7 @@
 A ring of three cameras runs in real time beside its evaluator. Every two seconds each process is
 looked at: memory that is its own (USS, unique set size: nothing that is shared), open files,
 sockets, threads. After the warm-up the median of the first quarter is held against that of the
-last: 5 % more are allowed, and a few MB, which is what an allocator takes at once. The launcher
-keeps a record of every instant, from which it makes the report: it alone may grow by that.
+last: 5 % more are allowed, and a few MB, which is what an allocator takes at once.
 
     python benchmarks/soak.py [--seconds 3600] [--warm-up 30] [--json FILE]
 
@@ -28,8 +27,6 @@ PERIOD_S = 2.0
 ALLOWED_SHARE = 0.05
 ALLOWED_BYTES = 4 << 20
 """An allocator's steps: numba's and zenoh's arenas take a few MB at a time."""
-RECORD_BYTES = 14_000
-"""Per instant, in the launcher alone: its record of the run, from which the report is made."""
 COUNTS = ("files", "sockets", "threads")
 
 
@@ -50,16 +47,12 @@ class Growth:
     name: str
     first: Look
     last: Look
-    instants: float = 0.0
-    """Of the map, in between."""
 
     @property
     def faults(self) -> list[str]:
         """What grew more than is allowed."""
         more = self.last.memory - self.first.memory
         allowed = max(ALLOWED_SHARE * self.first.memory, ALLOWED_BYTES)
-        if self.name == "launcher":
-            allowed += RECORD_BYTES * self.instants
         found = [f"{more / 1e6:+.1f} MB"] if more > allowed else []
         for what in COUNTS:
             step = getattr(self.last, what) - getattr(self.first, what)
@@ -111,10 +104,9 @@ def soak(seconds: float, warm_up_s: float, said: dict[str, float]) -> list[Growt
                     raise RuntimeError(f"{name} ended: {error}\n{ring.said()}") from error
         span_s = time.monotonic() - began_s
         said["instants_hz"] = (ear.counts["mapper"] - before) / span_s
-    instants = 0.75 * seconds * said["instants_hz"]  # Between the middles of the two quarters.
     quarter = max(1, len(looks["mapper"]) // 4)
     return [
-        Growth(name, median_of(some[:quarter]), median_of(some[-quarter:]), instants)
+        Growth(name, median_of(some[:quarter]), median_of(some[-quarter:]))
         for name, some in looks.items()
     ]
 

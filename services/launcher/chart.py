@@ -28,15 +28,16 @@ def draw(record: Record, path: Path, title: str) -> None:
 
     figure = Figure(figsize=(10, 6), layout="constrained")
     axes = figure.add_subplot()
-    times_s = [quality.t_ns * 1e-9 for quality in record.qualities]
-    scores = [quality.stamp_true[1] for quality in record.qualities]
+    scores = record.scores
     lowest = 1.0
     for name, label, colour, width in _CURVES:
-        values = [getattr(score, name) for score in scores]
-        mean = sum(values) / len(values) if values else 0.0
-        axes.plot(times_s, values, color=colour, lw=width, label=f"{label}, mean {mean:.1%}")
+        column = f"stamp_true.two_voxels.{name}"
+        values = scores.values(column)
+        mean = scores.figures(column)["mean"] if len(scores) else 0.0
+        label = f"{label}, mean {mean:.1%}"
+        axes.plot(scores.values("t_s"), values, color=colour, lw=width, label=label)
         lowest = min([lowest, *values])
-    tolerance_mm = scores[-1].tolerance_m * 1e3 if scores else 0.0
+    tolerance_mm = (record.tolerance_m or 0.0) * 1e3
     axes.set_title(title, loc="left", color=_INK, fontsize=12, fontweight="bold")
     axes.set_xlabel("simulated time, s", color=_INK)
     axes.set_ylabel(f"share within {tolerance_mm:g} mm", color=_INK)

@@ -1,53 +1,78 @@
 """What a run has shown, as numbers: `report.json`."""
 
 import platform
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import metadata
 from typing import Any
 
-import numpy as np
-
 from schemas.map import MapSummary
-from schemas.metrics import Quality, Score
+from schemas.metrics import Missing, Quality, Score
 from schemas.status import ServiceStatus
+from services.launcher.series import Series
 from services.launcher.target_error import TargetErrors
 
 _PACKAGES = ("encircle", "numpy", "numba", "eclipse-zenoh", "pybullet", "open3d")
+SHARES = tuple(name for name in Score.model_fields if name != "tolerance_m")
+"""Of a score; `stamp_true.two_voxels.coverage` is such a column of `Record.scores`."""
 _TOLERANCES = ("one_voxel", "two_voxels")
+_SCORES = [
+    f"{truth}.{tolerance}.{share}"
+    for truth in ("stamp_true", "latency_true")
+    for tolerance in _TOLERANCES
+    for share in SHARES
+]
+_MISSING = [f"missing.{name}" for name in Missing.model_fields]
 
 
-@dataclass
 class Record:
-    """What the services said during a run, instant by instant."""
+    """What the services said during a run, as numbers; as large after a day as after an hour."""
 
-    num_cameras: int
-    """At work now; may change."""
-    summaries: list[MapSummary] = field(default_factory=list)
-    wall_ns: list[int] = field(default_factory=list)
-    """When each summary came, wall clock."""
-    whole: list[bool] = field(default_factory=list)
-    """Whether all cameras that were at work then are in each summary."""
-    qualities: list[Quality] = field(default_factory=list)
-    statuses: dict[tuple[str, str, int], ServiceStatus] = field(default_factory=dict)
-    """The last heartbeat per service, instance and process; a restarted one counts anew."""
-    first_cpu_s: dict[tuple[str, str, int], float] = field(default_factory=dict)
-    """Processor time at the first heartbeat: starting up is not working."""
-    target: TargetErrors = field(default_factory=TargetErrors)
+    def __init__(self, num_cameras: int) -> None:
+        self.num_cameras = num_cameras
+        """At work now; may change."""
+        self.instants = Series("latency_ms", "fuse_ms")
+        """Of the map, each once."""
+        self.scores = Series("t_s", *_MISSING, *_SCORES)
+        self.num_ticks = 0
+        self.complete = 0
+        """Instants in which all cameras that were at work then were fused."""
+        self.missed_clouds = 0
+        self.tolerance_m: float | None = None
+        """Of the newest score at two voxels."""
+        self.span_ns: tuple[int, int] | None = None
+        """When the first and the newest instant came, wall clock."""
+        self.statuses: dict[tuple[str, str, int], ServiceStatus] = {}
+        """The last heartbeat per service, instance and process; a restarted one counts anew."""
+        self.first_cpu_s: dict[tuple[str, str, int], float] = {}
+        """Processor time at the first heartbeat: starting up is not working."""
+        self.target = TargetErrors()
+        self._newest: MapSummary | None = None
+        self._scored_tick: int | None = None
+        self._first_is_complete = False
 
     def add_summary(self, summary: MapSummary, wall_ns: int) -> None:
         """Take in one fused instant; one that is told twice counts once."""
-        if self.summaries and self.summaries[-1].rev == summary.rev:
+        if self._newest is not None and self._newest.rev == summary.rev:
             return
-        self.summaries.append(summary)
-        self.wall_ns.append(wall_ns)
-        self.whole.append(len(summary.cameras_used) >= self.num_cameras)
+        is_complete = len(summary.cameras_used) >= self.num_cameras
+        if self.span_ns is None:
+            self.span_ns, self._first_is_complete = (wall_ns, wall_ns), is_complete
+        self.span_ns = self.span_ns[0], wall_ns
+        self.num_ticks += self._newest is None or self._newest.tick != summary.tick
+        self.complete += is_complete
+        self.missed_clouds += len(summary.cameras_missing)
+        self.instants.add(summary.latency_ms, summary.fuse_ms)
+        self._newest = summary
 
     def add_quality(self, quality: Quality) -> None:
         """Take in one scored instant; an instant scored twice counts by its last score."""
-        if self.qualities and self.qualities[-1].tick == quality.tick:
-            self.qualities.pop()
-        self.qualities.append(quality)
+        missing = (getattr(quality.missing, name) for name in Missing.model_fields)
+        scores = (*quality.stamp_true, *quality.latency_true)
+        row = (getattr(score, name) for score in scores for name in SHARES)
+        again = quality.tick == self._scored_tick
+        put = self.scores.correct if again else self.scores.add
+        put(quality.t_ns * 1e-9, *missing, *row)
+        self._scored_tick, self.tolerance_m = quality.tick, quality.stamp_true[1].tolerance_m
 
     def add_status(self, status: ServiceStatus) -> None:
         """Take in one heartbeat."""
@@ -56,17 +81,12 @@ class Record:
         self.first_cpu_s.setdefault(process, status.cpu_s)
 
     @property
-    def complete(self) -> int:
-        """Instants in which all cameras were fused."""
-        return sum(self.whole)
-
-    @property
     def perceptions_per_s(self) -> float | None:
         """Complete instants per second of wall clock, first to last; None before the second."""
-        if len(self.summaries) < 2:
+        if self.span_ns is None or len(self.instants) < 2:
             return None
-        span_s = (self.wall_ns[-1] - self.wall_ns[0]) * 1e-9
-        return (self.complete - self.whole[0]) / span_s if span_s > 0 else None
+        span_s = (self.span_ns[1] - self.span_ns[0]) * 1e-9
+        return (self.complete - self._first_is_complete) / span_s if span_s > 0 else None
 
 
 @dataclass(frozen=True)
@@ -91,33 +111,28 @@ def report(record: Record, run: Run) -> dict[str, Any]:
     voxels; `latency_true` is against the surface at the instant the map arrived, and `at` holds
     both tolerances. A figure that nothing was measured for is None.
     """
-    summaries, scores = record.summaries, [each.stamp_true[1] for each in record.qualities]
-    ticks = {summary.tick for summary in summaries}
     return {
-        "ticks": len(ticks),
+        "ticks": record.num_ticks,
         "cameras": record.num_cameras,
         "mode": run.mode,
         "wall_s": run.wall_s,
-        "sim_s": len(ticks) * run.dt_s,
+        "sim_s": record.num_ticks * run.dt_s,
         "startup_s": run.startup_s,
         "perceptions": record.complete,
         "perceptions_per_s": record.perceptions_per_s,
-        "latency_ms": _percentiles([each.latency_ms for each in summaries]),
-        "fuse_ms": _percentiles([each.fuse_ms for each in summaries]),
-        **_scores(scores),
-        "latency_true": _scores([each.latency_true[1] for each in record.qualities]),
-        "at": {
-            name: _scores([each.stamp_true[index] for each in record.qualities])
-            for index, name in enumerate(_TOLERANCES)
-        },
-        "missing": _missing(record.qualities),
+        "latency_ms": _percentiles(record.instants, "latency_ms"),
+        "fuse_ms": _percentiles(record.instants, "fuse_ms"),
+        **_scores(record.scores, "stamp_true.two_voxels"),
+        "latency_true": _scores(record.scores, "latency_true.two_voxels"),
+        "at": {name: _scores(record.scores, f"stamp_true.{name}") for name in _TOLERANCES},
+        "missing": _missing(record.scores),
         "target": record.target.report(),
-        "instants_scored": len(record.qualities),
-        "missed_clouds": sum(len(each.cameras_missing) for each in summaries),
+        "instants_scored": len(record.scores),
+        "missed_clouds": record.missed_clouds,
         "bad_messages": sum(status.bad_messages for status in record.statuses.values()),
         "restarts": run.restarts,
         "voxel_size_m": run.voxel_size_m,
-        "tolerance_m": scores[-1].tolerance_m if scores else None,
+        "tolerance_m": record.tolerance_m,
         "seed": run.seed,
         "time": _time(record),
         "versions": versions(),
@@ -146,36 +161,31 @@ def _time(record: Record) -> dict[str, dict[str, Any]]:
     return found
 
 
-def _scores(scores: Sequence[Score]) -> dict[str, Any]:
+def _scores(scores: Series, which: str) -> dict[str, Any]:
+    def summary(share: str, *wanted: str) -> dict[str, float] | None:
+        if not len(scores):
+            return None
+        figures = scores.figures(f"{which}.{share}")
+        return {figure: figures[figure] for figure in wanted}
+
     return {
-        "coverage": _summary((each.coverage for each in scores), "mean", "min", "final"),
-        "coverage_observable": _summary(
-            (each.coverage_observable for each in scores), "mean", "min", "final"
-        ),
-        "coverage_visible": _summary((each.coverage_visible for each in scores), "mean", "min"),
-        "precision": _summary((each.precision for each in scores), "mean", "min"),
-        "f_score": _summary((each.f_score for each in scores), "mean", "min"),
-        "ghost_rate": _summary((each.ghost_rate for each in scores), "mean", "max"),
+        "coverage": summary("coverage", "mean", "min", "final"),
+        "coverage_observable": summary("coverage_observable", "mean", "min", "final"),
+        "coverage_visible": summary("coverage_visible", "mean", "min"),
+        "precision": summary("precision", "mean", "min"),
+        "f_score": summary("f_score", "mean", "min"),
+        "ghost_rate": summary("ghost_rate", "mean", "max"),
     }
 
 
-def _missing(qualities: Sequence[Quality]) -> dict[str, float] | None:
+def _missing(scores: Series) -> dict[str, float] | None:
     """Return the mean shares of the surface that are not in the map, by reason."""
-    if not qualities:
+    if not len(scores):
         return None
-    rows = [each.missing.model_dump() for each in qualities]
-    return {name: float(np.mean([row[name] for row in rows])) for name in rows[0]}
+    return {name: scores.figures(f"missing.{name}")["mean"] for name in Missing.model_fields}
 
 
-def _summary(values: Iterable[float], *figures: str) -> dict[str, float] | None:
-    array = np.fromiter(values, np.float64)
-    if not array.size:
+def _percentiles(instants: Series, name: str) -> dict[str, float] | None:
+    if not len(instants):
         return None
-    known = {"mean": array.mean(), "min": array.min(), "max": array.max(), "final": array[-1]}
-    return {figure: float(known[figure]) for figure in figures}
-
-
-def _percentiles(values: Sequence[float]) -> dict[str, float] | None:
-    if not values:
-        return None
-    return {f"p{q}": float(np.percentile(values, q)) for q in (50, 95)}
+    return {f"p{q}": instants.percentile(name, q) for q in (50, 95)}

@@ -97,7 +97,7 @@ def run(settings: RunSettings, console: Console) -> int:
             if settings.record is not None:
                 console.print(record_line(bus), markup=False)
         restarts = supervisor.restarts
-    span_ns = (record.wall_ns[0], record.wall_ns[-1]) if record.wall_ns else None
+    span_ns = record.span_ns
     known = Run(
         mode=settings.mode,
         seed=settings.seed,

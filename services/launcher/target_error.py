@@ -8,9 +8,12 @@ import numpy as np
 
 from schemas.message import Message
 from schemas.target import TargetEstimate, TargetPose
+from services.launcher.series import Series
 
 M = TypeVar("M", bound=Message)
 
+_ERRORS = ("place_m", "heading_rad")
+_SQUARES = tuple(f"{name}_squared" for name in _ERRORS)
 _KEPT = 64
 """Instants that wait for the other half; nothing is estimated when the pose is given."""
 
@@ -23,9 +26,11 @@ class TargetErrors:
     """By tick, until its estimate comes."""
     estimates: dict[int, TargetEstimate] = field(default_factory=dict)
     """By tick."""
-    errors: dict[int, tuple[float, float]] = field(default_factory=dict)
-    """By tick: of the place in metres, of the heading in radians."""
+    errors: Series = field(default_factory=lambda: Series(*_ERRORS, *_SQUARES))
+    """Of the place in metres, of the heading in radians."""
     newest: TargetEstimate | None = None
+    paired_tick: int | None = None
+    """Of the newest pair; one that is told again counts once."""
 
     def add_truth(self, truth: TargetPose) -> None:
         """Take in where the target is."""
@@ -40,13 +45,11 @@ class TargetErrors:
 
     def report(self) -> dict[str, Any] | None:
         """Return the errors and what the estimate rests on; None if nothing was estimated."""
-        if not self.errors or self.newest is None:
+        if not len(self.errors) or self.newest is None:
             return None
-        place, heading = np.array(list(self.errors.values())).T
         return {
-            "place_m": _figures(place),
-            "heading_rad": _figures(heading),
-            "instants": len(place),
+            **{name: _figures(self.errors, name) for name in _ERRORS},
+            "instants": len(self.errors),
             "used": self.newest.num_used,
             "refused": self.newest.num_refused,
             "missed": self.newest.num_missed,
@@ -57,10 +60,11 @@ class TargetErrors:
             return
         truth, estimate = self.truths.pop(tick).pose, self.estimates.pop(tick).pose
         turned = np.linalg.inv(truth.matrix()) @ estimate.matrix()
-        self.errors[tick] = (
-            math.dist(truth.position[:2], estimate.position[:2]),
-            abs(math.atan2(turned[1, 0], turned[0, 0])),
-        )
+        place_m = math.dist(truth.position[:2], estimate.position[:2])
+        heading_rad = abs(math.atan2(turned[1, 0], turned[0, 0]))
+        put = self.errors.correct if tick == self.paired_tick else self.errors.add
+        put(place_m, heading_rad, place_m**2, heading_rad**2)
+        self.paired_tick = tick
 
 
 def _keep(held: dict[int, M], message: M) -> None:
@@ -69,9 +73,9 @@ def _keep(held: dict[int, M], message: M) -> None:
         del held[next(iter(held))]
 
 
-def _figures(values: Any) -> dict[str, float]:
+def _figures(errors: Series, name: str) -> dict[str, float]:
     return {
-        "rms": float(np.sqrt(np.mean(np.square(values)))),
-        "p95": float(np.percentile(values, 95)),
-        "max": float(np.max(values)),
+        "rms": math.sqrt(errors.figures(f"{name}_squared")["mean"]),
+        "p95": errors.percentile(name, 95),
+        "max": errors.figures(name)["max"],
     }
