@@ -1,5 +1,6 @@
 """Certificates, roles and passwords between real sessions: who and what is let through."""
 
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -13,6 +14,7 @@ from services.launcher import authority
 from services.runtime.bus import Bus
 from services.runtime.errors import BusUnavailable, CommandFailed, NoReply
 from services.runtime.guard import file_name
+from services.runtime.log import start_logging
 from services.runtime.loop import Loop
 from services.runtime.reader import Reader
 from services.runtime.router import router
@@ -130,10 +132,14 @@ def strangers(tmp_path: Path, certs: Path, kind: str) -> Path | None:
 
 @pytest.mark.parametrize("kind", ["none", "foreign", "expired"])
 def test_a_stranger_is_not_let_in_and_that_is_logged(
-    join: Join, certs: Path, tmp_path: Path, kind: str, capfd: pytest.CaptureFixture[str]
+    join: Join,
+    certs: Path,
+    tmp_path: Path,
+    kind: str,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from services.runtime.log import start_logging
-
+    monkeypatch.setattr(logging.root, "handlers", [])  # What is put there is gone with the test.
     start_logging("test", "warning")
     mapper, honest = join("mapper"), join("camera", "1")
     stranger = join("camera", "0", strangers(tmp_path, certs, kind))
