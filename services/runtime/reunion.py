@@ -1,10 +1,12 @@
-"""Finding again whom a session has lost: zenoh makes a link between two peers once."""
+"""Finding again whom a session has lost or never met: zenoh links two peers once."""
 
 import contextlib
 import logging
+import random
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
 
 import zenoh
 from pydantic import BaseModel, ValidationError
@@ -13,14 +15,16 @@ from services.runtime.roles import ROUTERS_WORD
 
 logger = logging.getLogger(__name__)
 
-LOOKS_S = (2.0, 4.0, 8.0, 16.0)
-"""After a loss: when it is looked whether the link is back. The lease is 3 s, the flush of a link
-that is given up takes another 0.8 s."""
+WAITS_S = (1.0, 1.0, 2.0, 4.0, 8.0, 16.0, 60.0)
+"""After a change of our links, when it is looked who is missing, and when again while one is: the
+second look and all that follow do something about it, the last wait is repeated."""
 _ASK_S = 1.0
+_JITTER = 0.2  # Share of a wait: who lost each other at once does not look at once.
 
 
 class _Link(BaseModel):
     peer: str
+    whatami: str
 
 
 class _RoutersWord(BaseModel):
@@ -29,22 +33,32 @@ class _RoutersWord(BaseModel):
     sessions: list[_Link]
 
 
-class Reunion:
-    """Has the router tell all peers of each other again while a lost one is still there.
+@dataclass
+class _Absence:
+    """One that the router has and we have not."""
 
-    A peer connects to another when the router tells of it. When a network was cut for about as
-    long as a lease, the router may be back, and tell, before the dead link to the other has been
-    given up: then nobody ever connects them, and both seem well. The router tells all of all
-    whenever somebody comes: so `visit` is called, which comes and goes.
+    num_looks: int
+    due_s: float
+    """Monotonic."""
+
+
+class Reunion:
+    """Introduces us anew to those whom the router has and to whom we have no link.
+
+    A peer connects to another when it is told of it, and is told by the router or another peer
+    when that one gets a link: once. If that attempt fails, or only the link between the two breaks,
+    nobody ever connects them, and both seem well. `introduce` is then given whom we lack, and what
+    is set when it has to end: a guest among the peers makes known to each other all that it meets.
     """
 
-    def __init__(self, session: zenoh.Session, visit: Callable[[], None]) -> None:
-        self._session, self._visit = session, visit
-        self._lost: dict[str, list[float]] = {}
-        """Whom we have lost: when to look, monotonic, the next first."""
-        self._changed = threading.Condition()
-        self._closed = False
-        self.num_visits = 0
+    def __init__(
+        self, session: zenoh.Session, introduce: Callable[[Collection[str], threading.Event], None]
+    ) -> None:
+        self._session, self._introduce = session, introduce
+        self._absent: dict[str, _Absence] = {}
+        self._look_s: float | None = time.monotonic() + WAITS_S[0]
+        """When to look next, monotonic; None: when a link changes."""
+        self._changed, self._closing = threading.Condition(), threading.Event()
         self._listener = session.info.declare_transport_events_listener(
             zenoh.handlers.Callback(self._note, indirect=False)
         )
@@ -53,59 +67,63 @@ class Reunion:
 
     def close(self) -> None:
         """Look no more; before the session is closed."""
+        self._closing.set()
         with self._changed:
-            self._closed = True
             self._changed.notify_all()
-        self._thread.join(3 * _ASK_S)  # It may be asking, or on a visit.
+        self._thread.join(3 * _ASK_S)  # It may be asking.
 
-    def _note(self, event: zenoh.TransportEvent) -> None:
-        if event.transport.whatami != zenoh.WhatAmI.PEER:
-            return  # Routers are tried again by zenoh itself.
-        zid, now_s = str(event.transport.zid), time.monotonic()
+    def _note(self, _: zenoh.TransportEvent) -> None:
         with self._changed:
-            self._lost.pop(zid, None)
-            if event.kind == zenoh.SampleKind.DELETE:
-                self._lost[zid] = [now_s + wait_s for wait_s in LOOKS_S]
+            self._plan(time.monotonic() + WAITS_S[0])
             self._changed.notify_all()
+
+    def _plan(self, look_s: float) -> None:
+        self._look_s = look_s if self._look_s is None else min(self._look_s, look_s)
 
     def _run(self) -> None:
-        while (due := self._due()) is not None:
+        while self._is_due():
             with contextlib.suppress(zenoh.ZError):  # The session is being closed.
-                self._look_for(due)
+                self._look()
 
-    def _look_for(self, due: list[str]) -> None:
-        found = {str(zid) for zid in self._session.info.peers_zid()}
+    def _is_due(self) -> bool:
+        """Wait until it is time to look; False: it is over."""
         with self._changed:
-            for zid in found:
-                self._lost.pop(zid, None)
-        missed = [zid for zid in due if zid not in found and self._is_there(zid)]
-        if missed and not self._closed:
-            logger.info("lost, but there: %s; asking to be told of all again", ", ".join(missed))
-            self.num_visits += 1
-            self._visit()
-
-    def _due(self) -> list[str] | None:
-        """Wait until it is time to look for somebody; None: it is over."""
-        with self._changed:
-            while not self._closed:
+            while not self._closing.is_set():
                 now_s = time.monotonic()
-                due = [zid for zid, looks in self._lost.items() if looks[0] <= now_s]
-                for zid in due:
-                    self._lost[zid].pop(0)
-                    if not self._lost[zid]:
-                        del self._lost[zid]
-                if due:
-                    return due
-                next_s = min((looks[0] for looks in self._lost.values()), default=None)
-                self._changed.wait(None if next_s is None else next_s - now_s)
-        return None
+                if self._look_s is not None and self._look_s <= now_s:
+                    self._look_s = None
+                    return True
+                self._changed.wait(None if self._look_s is None else self._look_s - now_s)
+        return False
 
-    def _is_there(self, zid: str) -> bool:
-        """Whether a router has a session with a peer; if none says anything, it may be."""
+    def _look(self) -> None:
+        there = self._routers_peers()
+        if there is None:
+            return  # Its return changes our links.
+        info = self._session.info
+        missing = there - {str(zid) for zid in (info.zid(), *info.peers_zid())}
+        now_s = time.monotonic()
+        self._absent = {zid: self._absent.get(zid) or _Absence(0, now_s) for zid in sorted(missing)}
+        due = [zid for zid, absence in self._absent.items() if absence.due_s <= now_s]
+        known = [zid for zid in due if self._absent[zid].num_looks > 0]
+        if known and not self._closing.is_set():
+            logger.info("not linked, but there: %s; introducing us again", ", ".join(known))
+            self._introduce(known, self._closing)
+        for zid in due:
+            self._absent[zid].num_looks += 1
+            wait_s = WAITS_S[min(self._absent[zid].num_looks, len(WAITS_S) - 1)]
+            jitter = 1.0 + random.uniform(0.0, _JITTER)
+            self._absent[zid].due_s = time.monotonic() + wait_s * jitter
+        if self._absent:
+            with self._changed:
+                self._plan(min(absence.due_s for absence in self._absent.values()))
+
+    def _routers_peers(self) -> set[str] | None:
+        """Return whom a router has a link with; None if none says."""
         for reply in self._session.get(ROUTERS_WORD, timeout=_ASK_S):
             if reply.ok is None:
                 continue
             with contextlib.suppress(ValidationError):
                 word = _RoutersWord.model_validate_json(reply.ok.payload.to_bytes())
-                return any(each.peer == zid for each in word.sessions)
-        return bool(self._session.info.routers_zid())
+                return {each.peer for each in word.sessions if each.whatami == "peer"}
+        return None

@@ -2,6 +2,9 @@
 
 import contextlib
 import json
+import threading
+import time
+from collections.abc import Collection
 from typing import Any
 
 import zenoh
@@ -14,7 +17,7 @@ _PRIORITIES = (
     "control", "real_time", "interactive_high", "interactive_low",
     "data_high", "data", "data_low", "background",
 )  # fmt: skip
-_VISIT_S = 1.0
+_MEETING_S, _TELLING_S, _LOOK_S = 3.0, 0.5, 0.05
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,  # Nothing is sought beyond the endpoints we are given.
     "scouting/gossip/enabled": True,
@@ -95,10 +98,25 @@ def open_router(listen: str, settings: BusSettings) -> zenoh.Session:
     return _open(options, f"listen {listen!r}")
 
 
-def visit(settings: BusSettings, address: str) -> None:
-    """Come to the router and go at once: it then tells all peers of each other again."""
-    with contextlib.suppress(BusUnavailable), open_client(settings, address, _VISIT_S):
-        pass
+def introduce(
+    settings: BusSettings, address: str, absent: Collection[str], closing: threading.Event
+) -> None:
+    """Come once more, as a guest who meets everybody, and go when it has met the absent.
+
+    Every peer tells its new neighbours of all that it has met: so those who have the guest in
+    common hear of each other, as they did when they came.
+
+    Args:
+        settings: how the session joins. address: whose certificate it shows.
+        absent: zenoh identifiers of those to be met. closing: set when it has to go at once.
+    """
+    alone = settings.model_copy(update={"listen": "", "namespace": ""})
+    with contextlib.suppress(BusUnavailable), open_peer(alone, address) as guest:
+        until_s = time.monotonic() + _MEETING_S
+        while time.monotonic() < until_s and not closing.wait(_LOOK_S):
+            if set(absent) <= {str(zid) for zid in guest.info.peers_zid()}:
+                closing.wait(_TELLING_S)
+                return
 
 
 def locators(session: zenoh.Session) -> list[str]:

@@ -1,23 +1,30 @@
-"""Who was lost and is still there is found again; who has gone is not looked for for ever."""
+"""Who is there and not linked is found again; who has gone is not looked for."""
 
+import os
+import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable, Collection, Iterator
+from contextlib import ExitStack, suppress
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 import zenoh
 
+from schemas.topics import CAMERA_POSE
 from services.runtime import reunion
+from services.runtime.bus import Bus
 from services.runtime.reunion import Reunion
 from services.runtime.router import router
 from services.runtime.session import open_peer
 from services.runtime.settings import BusSettings
+from tests.examples import EXAMPLES
 
 pytestmark = pytest.mark.integration
 
 Open = Callable[[], zenoh.Session]
+POSE = EXAMPLES["camera_pose"][1].model_copy(update={"camera": 1})
 
 
 @pytest.fixture
@@ -28,54 +35,84 @@ def open_one() -> Iterator[Open]:
 
 @pytest.fixture
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reunion, "LOOKS_S", (1.0, 1.2, 1.4))  # A busy router may be as late.
+    monkeypatch.setattr(reunion, "WAITS_S", (0.3, 0.3))
 
 
-def until(happens: Callable[[], bool]) -> None:
-    until_s = time.monotonic() + 10.0
+def until(happens: Callable[[], bool], timeout_s: float = 20.0) -> None:
+    until_s = time.monotonic() + timeout_s
     while not happens():
         assert time.monotonic() < until_s
         threading.Event().wait(0.01)
 
 
-def gone(zid: zenoh.ZenohId) -> SimpleNamespace:
-    """Say of a peer what zenoh says when its transport has been closed."""
-    transport = SimpleNamespace(zid=zid, whatami=zenoh.WhatAmI.PEER)
-    return SimpleNamespace(kind=zenoh.SampleKind.DELETE, transport=transport)
+def break_link(ours: zenoh.Session, theirs: zenoh.ZenohId) -> None:
+    """Shut the socket that two sessions of this process share, as a network does that fails."""
+    ends = {
+        link.src.partition("/")[2] for link in ours.info.links() if str(link.zid) == str(theirs)
+    }
+    assert ends
+    for entry in os.listdir("/proc/self/fd"):
+        with suppress(OSError):
+            if not os.readlink(Path("/proc/self/fd") / entry).startswith("socket:"):
+                continue
+            with socket.socket(fileno=os.dup(int(entry))) as ear:
+                host, port = ear.getsockname()[:2]
+                if f"{host}:{port}" in ends and ear.getpeername():
+                    ear.shutdown(socket.SHUT_RDWR)
 
 
-@pytest.mark.usefixtures("soon")
-def test_one_that_is_there_is_asked_for(open_one: Open) -> None:
-    ours, other, visits = open_one(), open_one(), []
-    until(lambda: other.info.zid() in ours.info.peers_zid())
-    # As after a cut: the router has both, and we have no link to the other.
-    blind = SimpleNamespace(
-        info=SimpleNamespace(
-            peers_zid=list,
-            routers_zid=ours.info.routers_zid,
-            declare_transport_events_listener=lambda _: None,
-        ),
-        get=ours.get,
+def test_a_link_that_breaks_between_two_is_made_again(open_bus: Callable[..., Bus]) -> None:
+    camera, mapper = open_bus("camera", "1"), open_bus("mapper")
+    ours, theirs = camera._session, mapper._session
+    with mapper.every(CAMERA_POSE) as poses:
+        until(lambda: camera.matching(CAMERA_POSE, 1))
+        break_link(ours, theirs.info.zid())
+        until(lambda: theirs.info.zid() not in ours.info.peers_zid())
+        until(lambda: camera.matching(CAMERA_POSE, 1), timeout_s=40.0)
+        camera.publish(CAMERA_POSE, POSE, camera=1)
+        assert poses.get(10.0).message == POSE
+
+
+def blind(session: zenoh.Session) -> SimpleNamespace:
+    """Return a session that has lost all peers, though the router has them."""
+    info = SimpleNamespace(
+        zid=session.info.zid,
+        peers_zid=list,
+        declare_transport_events_listener=session.info.declare_transport_events_listener,
     )
-    looking = Reunion(blind, lambda: visits.append(time.monotonic()))
-    try:
-        looking._note(gone(other.info.zid()))
-        until(lambda: len(visits) == 3)
-    finally:
-        looking.close()
-    assert looking._lost == {}
+    return SimpleNamespace(info=info, get=session.get)
 
 
 @pytest.mark.usefixtures("soon")
-def test_one_that_has_gone_or_is_back_is_not(open_one: Open) -> None:
-    ours, other, left, visits = open_one(), open_one(), open_one(), []
-    until(lambda: {other.info.zid(), left.info.zid()} <= set(ours.info.peers_zid()))
-    looking = Reunion(ours, lambda: visits.append(0))
+def test_one_that_is_there_is_met_again_until_the_link_is_back(open_one: Open) -> None:
+    ours, other = open_one(), open_one()
+    until(lambda: other.info.zid() in ours.info.peers_zid())
+    without, told = blind(ours), []
+
+    def introduce(absent: Collection[str], _: threading.Event) -> None:
+        told.append(list(absent))
+        if len(told) == 3:
+            without.info.peers_zid = ours.info.peers_zid
+
+    looking = Reunion(without, introduce)
     try:
-        left.close()  # Zenoh itself tells of it.
-        until(lambda: bool(looking._lost))
-        looking._note(gone(other.info.zid()))
-        until(lambda: not looking._lost)
+        until(lambda: len(told) == 3 and not looking._absent)
+        threading.Event().wait(1.0)
     finally:
         looking.close()
-    assert visits == []
+    assert told == [[str(other.info.zid())]] * 3
+
+
+@pytest.mark.usefixtures("soon")
+def test_one_that_has_gone_is_not_looked_for(open_one: Open) -> None:
+    ours, other, left, told = open_one(), open_one(), open_one(), []
+    until(lambda: {other.info.zid(), left.info.zid()} <= set(ours.info.peers_zid()))
+    looking = Reunion(ours, lambda absent, _: told.append(absent))
+    try:
+        left.close()
+        until(lambda: left.info.zid() not in ours.info.peers_zid())
+        threading.Event().wait(1.5)
+        assert looking._look_s is None, "it looks for somebody"
+    finally:
+        looking.close()
+    assert told == []
