@@ -15,7 +15,7 @@ import zenoh
 
 from schemas.message import Message
 from schemas.topics import Delivery, Topic
-from services.runtime import command
+from services.runtime import command, estate
 from services.runtime.bus import Bus
 from services.runtime.heartbeat import EARLY_S, PERIOD_S, Heartbeat
 from services.runtime.inbox import Inbox
@@ -64,6 +64,7 @@ class Loop:
         for early_s in EARLY_S:
             self.after(early_s, self._heartbeat.publish)
         self.every(PERIOD_S, self._heartbeat.publish)
+        self.every(estate.PERIOD_S, estate.Heir().tend)
 
     def on(
         self,
@@ -197,7 +198,7 @@ class Loop:
         heapq.heappush(self._timers, timer)
         return timer
 
-    def every(self, period_s: float, call: Callable[[], None]) -> None:
+    def every(self, period_s: float, call: Callable[[], object]) -> None:
         """Call each `period_s`, first after one period; a late call does not cause a burst."""
 
         def again() -> None:

@@ -25,6 +25,8 @@ _COMMON: dict[str, Any] = {
     "adminspace/enabled": True,
     # A connection that got no answer is begun anew; the kernel would ask again after 1, 2, 4, 8 s.
     "transport/unicast/open_timeout": 3000,
+    # Each session would copy what is larger than 3 kB into a second pool of its own, of 16 MiB.
+    "transport/shared_memory/transport_optimization/enabled": False,
     "transport/link/tx/lease": 3000,  # A silent peer is given up after 3 s; the default is 10.
     # By default two messages may wait per link, and a third is dropped after 1 ms: a burst of three
     # on a busy machine is enough. 16 is zenoh's limit; a frozen receiver costs 20 ms a message.

@@ -5,6 +5,7 @@ import logging
 import zenoh
 
 from schemas.codec import Encoded
+from services.runtime.estate import Will
 
 logger = logging.getLogger(__name__)
 
@@ -24,6 +25,7 @@ class SharedPool:
     def __init__(self, size_mib: int) -> None:
         self._wanted_mib = size_mib
         self._provider: zenoh.shm.ShmProvider | None = None
+        self._will: Will | None = None
         self._opened = False
         self.used = 0
         self.missed = 0
@@ -38,8 +40,7 @@ class SharedPool:
         if len(encoded) < MIN_BYTES or not self._wanted_mib:
             return None
         if not self._opened:
-            self._provider = _open_provider(self._wanted_mib)
-            self._opened = True
+            self._open()
         if self._provider is None:
             self.missed += 1
             return None
@@ -54,6 +55,24 @@ class SharedPool:
         self.used += 1
         return chunk
 
+    def _open(self) -> None:
+        self._opened = True
+        will = Will()
+        size_mib = self._wanted_mib
+        while size_mib:
+            try:
+                self._provider = zenoh.shm.ShmProvider.default_backend(size_mib * _MIB)
+            except zenoh.ZError as error:
+                logger.info("no shared pool of %d MiB: %s", size_mib, error)
+                size_mib //= 2
+                continue
+            asked = self._wanted_mib
+            logger.info("shared memory pool of %d MiB (asked %d MiB)", size_mib, asked)
+            if will.enter(size_mib * _MIB):
+                self._will = will
+            return
+        logger.warning("no shared memory: large payloads go over the network; check `ulimit -l`")
+
 
 def _alloc(provider: zenoh.shm.ShmProvider, size: int) -> zenoh.shm.ZShmMut | None:
     try:
@@ -67,18 +86,3 @@ def _alloc(provider: zenoh.shm.ShmProvider, size: int) -> zenoh.shm.ZShmMut | No
         return provider.alloc(size, _POLICY)
     except zenoh.ZError:
         return None
-
-
-def _open_provider(wanted_mib: int) -> zenoh.shm.ShmProvider | None:
-    size_mib = wanted_mib
-    while size_mib:
-        try:
-            provider = zenoh.shm.ShmProvider.default_backend(size_mib * _MIB)
-        except zenoh.ZError as error:
-            logger.info("no shared pool of %d MiB: %s", size_mib, error)
-            size_mib //= 2
-            continue
-        logger.info("shared memory pool of %d MiB (asked %d MiB)", size_mib, wanted_mib)
-        return provider
-    logger.warning("no shared memory: large payloads go over the network; check `ulimit -l`")
-    return None

@@ -59,6 +59,23 @@ def cloud(tick: int, camera: int) -> DepthCloud:
     )
 
 
+def large_cloud(tick: int, camera: int) -> DepthCloud:
+    """Return a cloud that goes by shared memory."""
+    small = cloud(tick, camera)
+    return DepthCloud.of(
+        np.tile(depth_of(tick, camera), (5, 5)),
+        t_ns=small.t_ns,
+        tick=tick,
+        frame_id="world",
+        camera=camera,
+        pose=small.pose,
+        max_range_m=5.0,
+        t_capture_ns=small.t_capture_ns,
+        intrinsics=Intrinsics.from_vertical_fov(320, 240, 0.8),
+        depth_scale_m=0.001,
+    )
+
+
 def expected_map(tick: int, cameras: tuple[int, ...]) -> VoxelMap:
     """What `instant` memory in the target's frame must hold."""
     voxel_map = MapperSettings().empty_map()
