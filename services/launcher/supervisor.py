@@ -31,8 +31,8 @@ State = Literal["running", "waiting", "failed", "stopped", "ending"]
 class RestartPolicy:
     """How often, and how soon, what crashes is started again."""
 
-    first_delay_s: float = 0.5
-    """Doubled with each crash in a row."""
+    first_delay_s: float = 0.1
+    """Tripled with each crash in a row."""
     max_delay_s: float = 8.0
     max_in_a_row: int = 5
     """Crashes in a row after which a process is given up."""
@@ -41,7 +41,7 @@ class RestartPolicy:
 
     def delay_s(self, crashes_in_a_row: int) -> float:
         """Return the pause before the next start."""
-        return min(self.first_delay_s * 2.0 ** (crashes_in_a_row - 1), self.max_delay_s)
+        return min(self.first_delay_s * 3.0 ** (crashes_in_a_row - 1), self.max_delay_s)
 
 
 @dataclass(frozen=True)

@@ -104,9 +104,10 @@ def test_a_restart_waits_for_its_delay(tmp_path):
         assert supervisor.children["x"].state == "waiting"
 
 
-def test_delays_double_up_to_a_limit():
-    policy = RestartPolicy(first_delay_s=0.5, max_delay_s=3.0)
-    assert [policy.delay_s(n) for n in range(1, 6)] == [0.5, 1.0, 2.0, 3.0, 3.0]
+def test_delays_grow_up_to_a_limit():
+    policy = RestartPolicy(first_delay_s=0.1, max_delay_s=8.0)
+    delays_s = [policy.delay_s(n) for n in range(1, 7)]
+    assert delays_s == pytest.approx([0.1, 0.3, 0.9, 2.7, 8.0, 8.0])
 
 
 def test_one_that_ignores_the_request_to_end_is_killed(tmp_path):
