@@ -11,9 +11,14 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks.small_ring import START_S, Ear, small_ring
+from schemas.codec import decode
+from schemas.topics import CAMERA_POSE, find
+from services.planner.dome import dome_views
+from services.recorder.log_file import RecordedLog
 
 ROOT = Path(__file__).parents[2]
 
@@ -144,7 +149,7 @@ def test_a_camera_that_freezes_for_good_is_started_anew(tmp_path: Path) -> None:
 
 
 def test_a_camera_goes_through_864_views_without_a_hang(tmp_path: Path) -> None:
-    report = tmp_path / "report.json"
+    report, recording = tmp_path / "report.json", tmp_path / "views.mcap"
     views, rest_s, flight_s, rate_hz = 864, 0.1, 0.5, 10.0
     command = [
         sys.executable, "-c", "from services.launcher.cli import main; main()", "run",
@@ -152,7 +157,7 @@ def test_a_camera_goes_through_864_views_without_a_hang(tmp_path: Path) -> None:
         "--strategy", "dome", "--dwell", str(rest_s), "--travel", str(flight_s),
         "--rate", str(rate_hz), "--duration", str(views * (rest_s + flight_s)),
         "--resolution", "64x48", "--voxel-size", "0.05", "--infeasible", "allow",
-        "--report", str(report),
+        "--report", str(report), "--record", str(recording),
     ]  # fmt: skip
     done = subprocess.run(
         command, cwd=tmp_path, capture_output=True, text=True, timeout=800, check=False
@@ -161,3 +166,21 @@ def test_a_camera_goes_through_864_views_without_a_hang(tmp_path: Path) -> None:
     told = json.loads(report.read_text())
     assert told["ticks"] == round(views * (rest_s + flight_s) * rate_hz), told
     assert told["missed_clouds"] == 0, told
+    places, dome = places_of(recording), np.array([view[:3, 3] for view in dome_views()])
+    away_m = []
+    for view in range(views):  # The target rests in the origin: the views are the world's.
+        place = places[round((view * (rest_s + flight_s) + rest_s) * rate_hz)]
+        distances_m = np.linalg.norm(dome - place, axis=1)
+        assert distances_m.argmin() == view % len(dome), view
+        away_m.append(distances_m.min())
+    # From ring to ring the way is longer than its limits let it fly in that time.
+    assert np.quantile(away_m, 0.9) < 1e-3
+    assert max(away_m) < 0.15
+
+
+def places_of(recording: Path) -> dict[int, tuple[float, ...]]:
+    """Where the camera was, m, by tick."""
+    with RecordedLog(recording) as log:
+        records = log.records(wanted=lambda key: find(key) is CAMERA_POSE)
+        poses = [decode(CAMERA_POSE.adapter, record.payload)[1] for record in records]
+    return {pose.tick: pose.pose.position for pose in poses}
