@@ -5,7 +5,6 @@ import os
 import secrets
 import time
 from collections.abc import Callable
-from functools import partial
 from typing import Any, Self, TypeVar
 
 import zenoh
@@ -23,7 +22,7 @@ from services.runtime.presence import Presence
 from services.runtime.reader import Reader, Received
 from services.runtime.reunion import Reunion
 from services.runtime.sender import Sender, is_read
-from services.runtime.session import introduce, locators, open_peer
+from services.runtime.session import locators, open_peer
 from services.runtime.settings import BusSettings
 from services.runtime.shared_memory import SharedPool
 
@@ -56,7 +55,7 @@ class Bus:
         self._drains = Drains()
         self.presence = Presence(self._session, self.address, self._drains)
         no_lingering(self._session, self._drains)
-        self._reunion = Reunion(self._session, partial(introduce, settings, self.address))
+        self._reunion = Reunion(self._session, settings, self.address)
 
     def publish(
         self,

@@ -5,13 +5,15 @@ import logging
 import random
 import threading
 import time
-from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import zenoh
 from pydantic import BaseModel, ValidationError
 
+from services.runtime.errors import BusUnavailable
 from services.runtime.roles import ROUTERS_WORD
+from services.runtime.session import introduce, outside
+from services.runtime.settings import BusSettings
 
 logger = logging.getLogger(__name__)
 
@@ -47,14 +49,12 @@ class Reunion:
 
     A peer connects to another when it is told of it, and is told by the router or another peer
     when that one gets a link: once. If that attempt fails, or only the link between the two breaks,
-    nobody ever connects them, and both seem well. `introduce` is then given whom we lack, and what
-    is set when it has to end: a guest among the peers makes known to each other all that it meets.
+    nobody ever connects them, and both seem well. Then we `introduce` ourselves again: a guest
+    among the peers makes known to each other all that it meets.
     """
 
-    def __init__(
-        self, session: zenoh.Session, introduce: Callable[[Collection[str], threading.Event], None]
-    ) -> None:
-        self._session, self._introduce = session, introduce
+    def __init__(self, session: zenoh.Session, settings: BusSettings, address: str) -> None:
+        self._session, self._settings, self._address = session, settings, address
         self._absent: dict[str, _Absence] = {}
         self._look_s: float | None = time.monotonic() + WAITS_S[0]
         """When to look next, monotonic; None: when a link changes."""
@@ -108,7 +108,7 @@ class Reunion:
         known = [zid for zid in due if self._absent[zid].num_looks > 0]
         if known and not self._closing.is_set():
             logger.info("not linked, but there: %s; introducing us again", ", ".join(known))
-            self._introduce(known, self._closing)
+            introduce(self._settings, self._address, known, self._closing)
         for zid in due:
             self._absent[zid].num_looks += 1
             wait_s = WAITS_S[min(self._absent[zid].num_looks, len(WAITS_S) - 1)]
@@ -119,11 +119,16 @@ class Reunion:
                 self._plan(min(absence.due_s for absence in self._absent.values()))
 
     def _routers_peers(self) -> set[str] | None:
-        """Return whom a router has a link with; None if none says."""
-        for reply in self._session.get(ROUTERS_WORD, timeout=_ASK_S):
-            if reply.ok is None:
-                continue
-            with contextlib.suppress(ValidationError):
-                word = _RoutersWord.model_validate_json(reply.ok.payload.to_bytes())
-                return {each.peer for each in word.sessions if each.whatami == "peer"}
-        return None
+        """Return whom our routers have a link with; None if none says."""
+        ours = {f"@/{zid}/router" for zid in self._session.info.routers_zid()}
+        found: set[str] | None = None
+        asking = outside(self._session, self._settings, self._address)
+        with contextlib.suppress(BusUnavailable), asking as session:
+            for reply in session.get(ROUTERS_WORD, timeout=_ASK_S):
+                if reply.ok is None or str(reply.ok.key_expr) not in ours:
+                    continue
+                with contextlib.suppress(ValidationError):
+                    word = _RoutersWord.model_validate_json(reply.ok.payload.to_bytes())
+                    peers = {each.peer for each in word.sessions if each.whatami == "peer"}
+                    found = peers | (found or set())
+        return found

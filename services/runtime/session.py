@@ -4,7 +4,7 @@ import contextlib
 import json
 import threading
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from typing import Any
 
 import zenoh
@@ -98,6 +98,21 @@ def open_router(listen: str, settings: BusSettings) -> zenoh.Session:
         "adminspace/permissions": {"read": True, "write": False},
     }
     return _open(options, f"listen {listen!r}")
+
+
+@contextlib.contextmanager
+def outside(session: zenoh.Session, settings: BusSettings, address: str) -> Iterator[zenoh.Session]:
+    """Give a session that hears what the router tells of itself, which no namespace has.
+
+    Raises:
+        BusUnavailable: If one has to be opened and cannot.
+    """
+    if not settings.namespace:
+        yield session
+        return
+    plain = settings.model_copy(update={"namespace": ""})
+    with open_client(plain, address, _MEETING_S) as guest:
+        yield guest
 
 
 def introduce(

@@ -61,8 +61,12 @@ def break_link(ours: zenoh.Session, theirs: zenoh.ZenohId) -> None:
                     ear.shutdown(socket.SHUT_RDWR)
 
 
-def test_a_link_that_breaks_between_two_is_made_again(open_bus: Callable[..., Bus]) -> None:
-    camera, mapper = open_bus("camera", "1"), open_bus("mapper")
+@pytest.mark.parametrize("namespace", ["", "second/ring"])
+def test_a_link_that_breaks_between_two_is_made_again(
+    open_bus: Callable[..., Bus], namespace: str
+) -> None:
+    camera = open_bus("camera", "1", namespace=namespace)
+    mapper = open_bus("mapper", namespace=namespace)
     ours, theirs = camera._session, mapper._session
     with mapper.every(CAMERA_POSE) as poses:
         until(lambda: camera.matching(CAMERA_POSE, 1))
@@ -78,23 +82,27 @@ def blind(session: zenoh.Session) -> SimpleNamespace:
     info = SimpleNamespace(
         zid=session.info.zid,
         peers_zid=list,
+        routers_zid=session.info.routers_zid,
         declare_transport_events_listener=session.info.declare_transport_events_listener,
     )
     return SimpleNamespace(info=info, get=session.get)
 
 
 @pytest.mark.usefixtures("soon")
-def test_one_that_is_there_is_met_again_until_the_link_is_back(open_one: Open) -> None:
+def test_one_that_is_there_is_met_again_until_the_link_is_back(
+    open_one: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
     ours, other = open_one(), open_one()
     until(lambda: other.info.zid() in ours.info.peers_zid())
     without, told = blind(ours), []
 
-    def introduce(absent: Collection[str], _: threading.Event) -> None:
+    def introduce(_: BusSettings, __: str, absent: Collection[str], ___: threading.Event) -> None:
         told.append(list(absent))
         if len(told) == 3:
             without.info.peers_zid = ours.info.peers_zid
 
-    looking = Reunion(without, introduce)
+    monkeypatch.setattr(reunion, "introduce", introduce)
+    looking = Reunion(without, BusSettings(), "planner")
     try:
         until(lambda: len(told) == 3 and not looking._absent)
         threading.Event().wait(1.0)
@@ -104,10 +112,13 @@ def test_one_that_is_there_is_met_again_until_the_link_is_back(open_one: Open) -
 
 
 @pytest.mark.usefixtures("soon")
-def test_one_that_has_gone_is_not_looked_for(open_one: Open) -> None:
+def test_one_that_has_gone_is_not_looked_for(
+    open_one: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
     ours, other, left, told = open_one(), open_one(), open_one(), []
     until(lambda: {other.info.zid(), left.info.zid()} <= set(ours.info.peers_zid()))
-    looking = Reunion(ours, lambda absent, _: told.append(absent))
+    monkeypatch.setattr(reunion, "introduce", lambda *args: told.append(args))
+    looking = Reunion(ours, BusSettings(), "planner")
     try:
         left.close()
         until(lambda: left.info.zid() not in ours.info.peers_zid())
