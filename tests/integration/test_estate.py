@@ -80,7 +80,9 @@ def hear(clouds: Reader, camera: int, timeout_s: float = 30.0) -> None:
 def test_a_dead_senders_pool_is_given_back_and_a_living_ones_is_not(
     endpoint: str, open_bus: Callable[..., Bus]
 ) -> None:
-    mapper, heir, before = open_bus("mapper"), Heir(), set(pools())
+    heir = Heir()
+    heir.tend(), heir.tend()  # Of tests before us, in this process.
+    mapper, before = open_bus("mapper"), set(pools())
     with mapper.latest(CAMERA_CLOUD) as clouds, sender(endpoint, 1) as living:
         hear(clouds, 1)
         (kept,) = set(pools()) - before
