@@ -79,6 +79,7 @@ def test_a_run_ends_with_a_report_a_map_and_a_chart(tmp_path):
     assert "results in" in output
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_map(tmp_path):
     maps = []
     for name in ("a.npz", "b.npz"):
@@ -122,6 +123,7 @@ def test_a_killed_camera_is_started_again_and_the_run_goes_on(tmp_path):
     assert "camera/1 ended with signal 9; starting it again" in output
 
 
+@pytest.mark.slow
 def test_the_others_close_the_gap_of_a_killed_camera_until_it_is_back(tmp_path):
     process = start(tmp_path, *SMALL, "--forever", "--no-evaluator")
 

@@ -119,6 +119,7 @@ def test_a_run_is_steered_in_all_that_can_be_steered(tmp_path: Path) -> None:
         hold_step_and_begin_anew(bus)
 
 
+@pytest.mark.slow
 def test_a_run_in_real_time_is_steered_likewise(tmp_path: Path) -> None:
     with steered(tmp_path, "--mode", "realtime", "--rate", "5") as bus:
         bus.request("simulator", "set", {"object": "torus"}, timeout_s=WAIT_S)

@@ -161,6 +161,7 @@ def film(recording, capsys, path, *flags):
     assert code == 0, said
 
 
+@pytest.mark.slow
 def test_an_mp4_opens_again(recording, capsys, tmp_path):
     import av
 

@@ -12,7 +12,7 @@ from services.planner.strategies.adaptive_both import adaptive_both
 from services.planner.strategies.adaptive_scale import adaptive_scale
 from services.planner.whole_motion import plan_whole
 
-pytestmark = pytest.mark.unit
+pytestmark = [pytest.mark.unit, pytest.mark.slow]
 
 SEEING = Limits(beta_rad=np.radians(30))
 FEW = known_path("ellipse", (25.0, 12.6157), 200.0, 121)
