@@ -19,8 +19,8 @@ from typing import IO
 
 logger = logging.getLogger(__name__)
 
-SHM = Path("/dev/shm")  # nosec B108: zenoh chose it; our notes lie in a folder of our own there.
-"""Where zenoh has its segments; Linux's."""
+SHM = Path("/dev/shm")  # nosec B108
+"""Where zenoh has its segments; Linux's. Our notes lie there in a folder of our own."""
 PERIOD_S = 10.0
 """A note that nobody holds is acted on when it is seen again: no message is under way any more."""
 _SEGMENT = re.compile(r"\d+\.zenoh")
