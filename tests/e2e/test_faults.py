@@ -5,7 +5,6 @@ a machine that may be busy with other things: docs/reliability.md has the times.
 """
 
 import json
-import signal
 import subprocess
 import sys
 import time
@@ -19,12 +18,12 @@ from schemas.codec import decode
 from schemas.topics import CAMERA_POSE, find
 from services.planner.dome import dome_views
 from services.recorder.log_file import RecordedLog
-
-ROOT = Path(__file__).parents[2]
+from tests.e2e.benchmark_run import run
 
 pytestmark = [pytest.mark.e2e, pytest.mark.slow, pytest.mark.timeout(900)]
 
 TIMES = 3
+LATE_S = 800.0
 VICTIMS = ("camera", "mapper", "planner", "router")
 FLOODED_SHARE = 0.5
 """Of the rate before that must be left; the machine may be busy with other tests."""
@@ -32,25 +31,10 @@ MORE_MB = 48.0
 """What a dead sender's pool of shared memory may leave mapped is 32 MiB of it."""
 
 
-def run(script: str, *args: str) -> subprocess.CompletedProcess[str]:
-    """Run a benchmark to its end; killed, it takes its processes along."""
-    command = [sys.executable, str(ROOT / "benchmarks" / script), *args]
-    process = subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
-    try:
-        output, _ = process.communicate(timeout=800)
-    except subprocess.TimeoutExpired:
-        process.send_signal(signal.SIGINT)  # It ends the ring.
-        process.communicate(timeout=60)
-        raise
-    return subprocess.CompletedProcess(command, process.returncode, output)
-
-
 @pytest.fixture(scope="module")
 def trials(tmp_path_factory: pytest.TempPathFactory) -> list[dict]:
     path = tmp_path_factory.mktemp("faults") / "trials.json"
-    done = run("faults.py", "--times", str(TIMES), "--json", str(path))
+    done = run("faults.py", "--times", str(TIMES), "--json", str(path), timeout_s=LATE_S)
     assert done.returncode == 0, done.stdout
     return json.loads(path.read_text())
 
@@ -87,7 +71,7 @@ def test_who_is_missing_is_noticed(trials: list[dict], victim: str, fault: str) 
 @pytest.fixture(scope="module")
 def met(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict]:
     path = tmp_path_factory.mktemp("neighbours") / "met.json"
-    done = run("neighbours.py", "--seconds", "4", "--json", str(path))
+    done = run("neighbours.py", "--seconds", "4", "--json", str(path), timeout_s=LATE_S)
     assert done.returncode == 0, done.stdout
     return json.loads(path.read_text())
 
@@ -109,11 +93,11 @@ def test_a_bad_neighbour_neither_slows_the_ring_nor_makes_it_grow(
 
 
 def test_two_minutes_leave_no_trace(tmp_path: Path) -> None:
-    done = run(
-        "soak.py", "--seconds", "120", "--warm-up", "15", "--json", str(tmp_path / "soak.json")
-    )
+    path = tmp_path / "soak.json"
+    args = ("--seconds", "120", "--warm-up", "15", "--json", str(path))
+    done = run("soak.py", *args, timeout_s=LATE_S)
     assert done.returncode == 0, done.stdout
-    figures = json.loads((tmp_path / "soak.json").read_text())
+    figures = json.loads(path.read_text())
     names = {each["name"] for each in figures["processes"]}
     assert names >= {"launcher", "router", "simulator", "planner", "mapper", "evaluator"}
     assert {"camera/0", "camera/1", "camera/2"} <= names

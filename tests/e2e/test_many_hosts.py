@@ -1,16 +1,12 @@
 """A ring on several hosts: namespaces with a wire between them that is bad, and that is cut."""
 
 import json
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from benchmarks.wire import lacking
-
-ROOT = Path(__file__).parents[2]
+from tests.e2e.benchmark_run import run
 
 pytestmark = [
     pytest.mark.e2e,
@@ -19,35 +15,18 @@ pytestmark = [
     pytest.mark.skipif(bool(lacking()), reason=lacking()),
 ]
 
+LATE_S = 420.0
 RATE_HZ = 10.0
 LINK_MBIT_S = 50.0
 CAMERA_MBIT_S = 12.8
 """Of 320 x 240 at 10 Hz."""
 
 
-def run(command: list[str]) -> tuple[int, str]:
-    """Run a benchmark to its end; killed, it takes its processes and hosts along."""
-    process = subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
-    try:
-        output, _ = process.communicate(timeout=420)
-    except subprocess.TimeoutExpired:
-        process.send_signal(signal.SIGINT)
-        process.communicate(timeout=60)
-        raise
-    return process.returncode, output
-
-
 @pytest.fixture(scope="module")
 def told(tmp_path_factory: pytest.TempPathFactory) -> dict:
     path = tmp_path_factory.mktemp("hosts") / "told.json"
-    command = [
-        sys.executable, str(ROOT / "benchmarks" / "many_hosts.py"), "--seconds", "6",
-        "--json", str(path),
-    ]  # fmt: skip
-    code, output = run(command)
-    assert code == 0, output
+    done = run("many_hosts.py", "--seconds", "6", "--json", str(path), timeout_s=LATE_S)
+    assert done.returncode == 0, done.stdout
     return json.loads(path.read_text())
 
 
@@ -99,10 +78,7 @@ def test_nobody_else_stands_still_while_two_cameras_are_cut_off(told: dict) -> N
 
 def test_whoever_is_cut_off_finds_all_again(tmp_path: Path) -> None:
     path = tmp_path / "cuts.json"
-    command = [
-        sys.executable, str(ROOT / "benchmarks" / "cuts.py"), "--cuts", "6", "--seconds", "1.5",
-        "4", "--json", str(path),
-    ]  # fmt: skip
-    code, output = run(command)
-    assert code == 0, output
-    assert all(each["again_s"] < 40.0 for each in json.loads(path.read_text())), output
+    args = ("--cuts", "6", "--seconds", "1.5", "4", "--json", str(path))
+    done = run("cuts.py", *args, timeout_s=LATE_S)
+    assert done.returncode == 0, done.stdout
+    assert all(each["again_s"] < 40.0 for each in json.loads(path.read_text())), done.stdout
